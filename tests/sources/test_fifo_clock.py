@@ -5,7 +5,7 @@ only from the counts of samples in the FIFO and the times of reading.
 import random
 
 import pytest
-from fltea.sources.i2c.fifo_clock import FifoClock
+from fltea.sources.i2c.fifo_clock import FifoClock, Span
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -70,7 +70,7 @@ class Sensor:
         while (waiting := self.count(self.now_ns) - had) == 0:
             empty_ns = self.now_ns
             self.now_ns += round(poll_ms * MS)
-        missing, doubt = self.clock.resume(waiting, empty_ns, self.now_ns)
+        missing, doubt = self.clock.resume(waiting, Span(empty_ns, empty_ns), self.now_ns)
         truth = had - self.taken
         self.taken = had
         self.clock.take(waiting, waiting, self.now_ns, timely=True)

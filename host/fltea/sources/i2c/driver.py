@@ -14,6 +14,7 @@ from smbus2 import i2c_msg
 from fltea.sources.i2c.bus import Bus
 from fltea.sources.i2c.chip import Family, Row, Setting
 from fltea.sources.i2c.chips import CHIPS, ask_identity, chip_of
+from fltea.sources.i2c.fifo_clock import Span
 from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import SENSORS
 
@@ -89,6 +90,7 @@ class Driver:
         self._bank: int | None = None
         self._overflowed = False
         self._temperature = 0
+        self.filled = Span(0, 0)
 
     def identify(self) -> int:
         """Return the WHO_AM_I of the sensor.
@@ -138,11 +140,19 @@ class Driver:
             self._confirm(first, n, [s for s in self.chip.settings if s.register in span])
 
     def restart_fifo(self) -> None:
-        """Empty the FIFO, and start to fill it again."""
-        for register, value in self.chip.restart:
-            self._write(register, value)
-        self._confirm(self.chip.running.register, 1, [self.chip.running])
+        """Empty the FIFO, and start to fill it again. `filled` then says when that was.
+
+        The flag of an old overflow is read, which clears it, before the FIFO is filled. So an overflow while
+        the bus delays the transfers that follow is not missed.
+        """
+        *emptying, (register, value) = self.chip.restart
+        for one in emptying:
+            self._write(*one)
         self._read(self.chip.overflow[0], 1)
+        before_ns = self._now_ns()
+        self._write(register, value)
+        self.filled = Span(before_ns, self._now_ns())
+        self._confirm(self.chip.running.register, 1, [self.chip.running])
         self._overflowed = False
 
     def level(self) -> Level:

@@ -41,6 +41,13 @@ class Resumed(NamedTuple):
     doubt: int
 
 
+class Span(NamedTuple):
+    """A time between two readings of the host's clock [ns], during which a transfer took place."""
+
+    before_ns: int
+    after_ns: int
+
+
 class FifoClock:
     """Numbers samples from 0 on, and relates these numbers to the host's time.
 
@@ -84,13 +91,14 @@ class FifoClock:
         most = (after_ns - self._last_ns) / self._period_ns + self._error(after_ns)
         return not least - SLACK <= waiting <= most + SLACK
 
-    def resume(self, waiting: int, empty_ns: int, seen_ns: int) -> Resumed:
+    def resume(self, waiting: int, empty: Span, seen_ns: int) -> Resumed:
         """Continue the numbers after a loss, and return how many samples were lost.
 
-        The FIFO was empty at `empty_ns`, and held `waiting` samples at `seen_ns`.
+        The FIFO was empty at some time in `empty`, and held `waiting` samples at `seen_ns`.
         """
+        empty_ns = empty.before_ns
         first_ns = seen_ns - (waiting - 1) * self._period_ns
-        latest_ns = max(float(empty_ns), min(first_ns, empty_ns + self._period_ns))
+        latest_ns = max(float(empty_ns), min(first_ns, empty.after_ns + self._period_ns))
         if self._last_ns is None:
             return Resumed(0, 0)
         steps = ((empty_ns + latest_ns) / 2 - self._last_ns) / self._period_ns
@@ -104,6 +112,10 @@ class FifoClock:
             if doubt:
                 self.forget()
         self.next += step - 1
+        if self._reference is None:
+            # The next sample arrived no later than this. Samples that are seen late, after a delay of the
+            # program, would say less.
+            self._learn(self.next, math.floor(latest_ns))
         return Resumed(step - 1, doubt)
 
     def take(self, n: int, waiting: int, seen_ns: int, *, timely: bool) -> list[tuple[int, int]]:

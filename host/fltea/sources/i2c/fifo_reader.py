@@ -11,7 +11,7 @@ from typing import NamedTuple
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, RawSample
 from fltea.sources.i2c.chip import Row
 from fltea.sources.i2c.driver import BURST_BYTES, Driver, Level, SensorFault, TransferFailed
-from fltea.sources.i2c.fifo_clock import FifoClock
+from fltea.sources.i2c.fifo_clock import FifoClock, Span
 from fltea.wire.layout import FaultCode, SampleFlags
 
 TIMELY_NS = 2_000_000
@@ -121,7 +121,7 @@ class FifoReader:
         self._driver = driver
         self._now_ns = now_ns
         self._clock = FifoClock(driver.chip.rate_hz, driver.chip.clock_error)
-        self._empty_ns: int | None = None
+        self._empty: Span | None = None
         self._repeats = Repeats()
         self._unchecked: list[Unchecked] = []
         self._latest_ns = 0
@@ -134,7 +134,7 @@ class FifoReader:
         After a loss, the arrival time of the first sample shows how many were lost, so it has to be measured
         exactly.
         """
-        return self.restarts.is_due or self._empty_ns is not None
+        return self.restarts.is_due or self._empty is not None
 
     def begin(self) -> None:
         """Start to read a sensor that was just set up, and whose FIFO is being filled."""
@@ -168,8 +168,8 @@ class FifoReader:
         rows, cut_off = self._take_out(waiting)
         flags = SampleFlags.RETRIED if driver.retried else SampleFlags(0)
         if rows:
-            if self._empty_ns is not None:
-                self._resume(waiting, self._empty_ns, level.after_ns)
+            if self._empty is not None:
+                self._resume(waiting, self._empty, level.after_ns)
             timely = doubt is None and level.after_ns - level.before_ns < TIMELY_NS
             numbers = self._clock.take(len(rows), waiting, level.after_ns, timely=timely)
             self._unchecked += [Unchecked(row, *one, flags) for row, one in zip(rows, numbers, strict=True)]
@@ -180,10 +180,10 @@ class FifoReader:
         else:
             self._watch_overflow(level, waiting)
         samples = self._checked()
-        if self._empty_ns is not None and not self.restarts.is_due:
+        if self._empty is not None and not self.restarts.is_due:
             if not samples and level.after_ns - self.restarts.last_ns > SILENT_NS:
                 raise SensorFault(FaultCode.SENSOR_FROZEN, 0)
-            self._empty_ns = level.before_ns
+            self._empty = Span(level.before_ns, level.after_ns)
         return samples
 
     def _checked(self) -> list[RawSample]:
@@ -218,7 +218,7 @@ class FifoReader:
             return "overflow"
         if rest:
             return "misaligned"
-        if self._empty_ns is None and self._clock.out_of_step(samples, level.before_ns, level.after_ns):
+        if self._empty is None and self._clock.out_of_step(samples, level.before_ns, level.after_ns):
             return "out_of_step"
         return None
 
@@ -249,10 +249,10 @@ class FifoReader:
         true = list(takewhile(self._driver.chip.packet.is_sample, rows))
         return true, cut_off or (None if len(true) == len(rows) else "out_of_step")
 
-    def _resume(self, waiting: int, empty_ns: int, seen_ns: int) -> None:
-        missing, doubt = self._clock.resume(waiting, empty_ns, seen_ns)
+    def _resume(self, waiting: int, empty: Span, seen_ns: int) -> None:
+        missing, doubt = self._clock.resume(waiting, empty, seen_ns)
         self.overruns += missing
-        self._empty_ns = None
+        self._empty = None
         if self.restarts.cause:
             self.losses.append(Loss(self.restarts.cause, missing, doubt))
 
@@ -294,5 +294,5 @@ class FifoReader:
         return RawSample(sequence, device_us, self._latest_ns, gyro, accel, temperature, int(flags))
 
     def _restarted(self, cause: str) -> None:
-        self._empty_ns = now_ns = self._now_ns()
-        self.restarts.note(cause, now_ns)
+        self._empty = self._driver.filled
+        self.restarts.note(cause, self._now_ns())
