@@ -1,6 +1,7 @@
 """If a ULog file of PX4 is damaged anywhere, its intact parts are read, and the losses are reported."""
 
 import struct
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -133,6 +134,14 @@ def test_a_log_with_a_part_appended_after_a_crash(tmp_path: Path) -> None:
 def test_a_topic_that_is_declared_again_keeps_its_messages(tmp_path: Path) -> None:
     found = read(tmp_path, WHOLE[:MIDDLE] + TOPIC + WHOLE[MIDDLE:])
     assert (found.samples, found.notes) == (N, ())
+
+
+@pytest.mark.parametrize("number", [lambda k: k % 2, lambda k: int(k >= N // 2)], ids=["in turn", "halves"])
+def test_a_topic_with_two_numbers_keeps_its_messages(number: Callable[[int], int], tmp_path: Path) -> None:
+    rows = [(number(k), *row[1:]) for k, row in enumerate(ROWS)]
+    found = read(tmp_path, ulog({"sensor_combined": FORM}, [("sensor_combined", 0)] * 2, rows))
+    assert (found.samples, found.notes) == (N, ())
+    assert found.rate_hz == pytest.approx(read(tmp_path, WHOLE).rate_hz)
 
 
 def test_messages_that_the_library_forgets_are_counted(tmp_path: Path) -> None:

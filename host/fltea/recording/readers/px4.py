@@ -1,6 +1,6 @@
 """Reads logs of PX4 (.ulg). `dialects.toml` states what their columns mean."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -39,16 +39,16 @@ def read(path: Path, topic: str) -> Sheet:
     wanted = [name] if name else list(TOPICS)
     log = _opened(path, whole, wanted)
     name = name or next((known for known in TOPICS if any(one.name == known for one in log.data_list)), "")
-    there = {str(one.multi_id): one for one in log.data_list if one.name == name}
+    there = _by_instance(log, name)
     if not there:
         raise _no_topic(path, topic, whole, log)
-    each = [f"{name}:{number} ({_about(one.data)})" for number, one in there.items()]
+    each = [f"{name}:{number} ({_about(one)})" for number, one in there.items()]
     if instance and instance not in there:
         raise UsageError(f"is a PX4 log with no topic {topic}; it has {listed(each)}.")
     if not instance and len(there) > 1:
         what = f"which sensor is meant of {', '.join(each)}"
         raise not_stated(str(path), [Missing(what, "--topic ?")])
-    data = there[instance].data if instance else next(iter(there.values())).data
+    data = there[instance] if instance else next(iter(there.values()))
     if len(devices := _devices(data)) > 1:
         raise UsageError(
             f"is a PX4 log whose {name} is of several sensors one after the other (device_id "
@@ -56,7 +56,7 @@ def read(path: Path, topic: str) -> Sheet:
         )
     sheet = _unpacked(data) if name == FIFO else of_arrays(data)
     texts = []
-    if name == TOPICS[0] and len(others := [one for one in log.data_list if one.name == "sensor_gyro"]) > 1:
+    if name == TOPICS[0] and len(others := _by_instance(log, "sensor_gyro")) > 1:
         texts.append(
             f"{name} has the samples of one of {len(others)} sensors, which PX4 chose; --topic sensor_gyro:0 "
             "reads the first sensor."
@@ -67,6 +67,27 @@ def read(path: Path, topic: str) -> Sheet:
     notes = (*_losses(path, whole, log, wanted), *notes)
     topic = f"{name}:{instance}" if instance else name
     return replace(sheet, topic=topic, notes=notes)
+
+
+def _by_instance(log: Any, name: str) -> dict[str, Mapping[str, Any]]:
+    """Return the columns of each instance of a topic, by the number of the instance.
+
+    A log may declare an instance again under another message number. PX4's library then has a data set for
+    each number; here they are one, in the order of their time stamps.
+    """
+    parts: dict[str, list[Mapping[str, Any]]] = {}
+    for one in log.data_list:
+        if one.name == name:
+            parts.setdefault(str(one.multi_id), []).append(one.data)
+    return {number: _joined(found) for number, found in parts.items()}
+
+
+def _joined(parts: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    if len(parts) == 1:
+        return parts[0]
+    order = np.argsort(np.concatenate([one["timestamp"] for one in parts]), kind="stable")
+    names = [name for name in parts[0] if all(name in one for one in parts)]
+    return {name: np.concatenate([one[name] for one in parts])[order] for name in names}
 
 
 def _opened(path: Path, whole: Mended, topics: list[str] | None) -> Any:
