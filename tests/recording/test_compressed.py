@@ -99,6 +99,14 @@ def test_what_is_packed_is_read_as_what_it_is(name: str, packer: str, tmp_path: 
             ReplaySource(path, shuffle=1)
 
 
+@pytest.mark.parametrize("name", ["h5py.h5", "matlab73.mat", "pandas_table.h5"])
+def test_hdf5_is_read_from_a_file_without_a_name(name: str, tmp_path: Path) -> None:
+    path = tmp_path / f"{name}.gz"
+    path.write_bytes(gzip.compress((HERE / name).read_bytes()))
+    plain, compressed = (samples_of(ReplaySource(one).events()) for one in (HERE / name, path))
+    assert len(compressed) == len(plain) > 0
+
+
 @pytest.mark.parametrize(
     ("inside", "reason"),
     [

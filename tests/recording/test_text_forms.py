@@ -157,6 +157,7 @@ BAD: dict[str, tuple[Any, ...]] = {
     ),
     "two of ours": ("gyro_x_dps,gyro_x_dps\n1,2\n", {"rate_hz": 1.0}, "nothing says which columns"),
     "a column named twice": ("gx,gy\n1,2\n", {"columns": ["gx", "gx"]}, "gx is named twice"),
+    "no column named": ("gx,gy\n1,2\n", {"columns": ["", " "]}, "--columns names no column"),
     "two columns of times": (
         "time,timestamp,gyro_x_dps\n1,2,3\n",
         ":1: nothing says which column has the times (time, timestamp)",

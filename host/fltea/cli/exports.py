@@ -4,7 +4,8 @@ No file is written for a recording that is marked bad, since the programs that r
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import os.path
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -37,15 +38,31 @@ class Files(NamedTuple):
     inflation: Inflate
 
     @property
-    def flags(self) -> list[str]:
-        """The flags with which the user asks for files."""
+    def asked(self) -> dict[str, Path]:
+        """The files that the user asks for, by their flags."""
         named = {
             "--export-model": self.model,
             "--imu-yaml": self.yaml,
             "--gauss-markov": self.navigation,
             "--allan-csv": self.allan,
         }
-        return [flag for flag, path in named.items() if path is not None]
+        return {flag: path for flag, path in named.items() if path is not None}
+
+    @property
+    def flags(self) -> list[str]:
+        """The flags with which the user asks for files."""
+        return list(self.asked)
+
+    def check(self, recordings: Iterable[str]) -> None:
+        """Check that no file would replace one of the recordings.
+
+        Raises:
+            UsageError: one would.
+        """
+        inputs = {os.path.realpath(one) for one in recordings}
+        for flag, path in self.asked.items():
+            if os.path.realpath(path) in inputs:
+                raise UsageError(f"{flag} {path}: is the recording itself. Name another file.")
 
 
 def parse_inflation(text: str | None, wanted: object) -> Inflate:

@@ -73,6 +73,7 @@ def identify(
         _identify_to_table(files, out, options, config, work)
         return
     exported = export.files()
+    exported.check(files)
     if shown.report is not None:
         prepare_folder("--report", shown.report)
     requests = _requests(files, config, accel=export.has_both_sensors)

@@ -73,12 +73,14 @@ def wanted_of(how: How) -> Wanted:
     """Return the columns that the user names.
 
     Raises:
-        UsageError: the user names more columns than a gyroscope has axes, or one column twice.
+        UsageError: the user names no column, more columns than a gyroscope has axes, or one column twice.
     """
     if how.columns is not None and len(how.columns) > len(AXES):
         raise UsageError(
             f"--columns names {len(how.columns)} columns; a gyroscope has up to {len(AXES)} axes."
         )
+    if how.columns is not None and not any(name.strip() for name in how.columns):
+        raise UsageError("--columns names no column. Give names or positions: --columns 2,3,4.")
     wanted = Wanted(how.columns, how.time_column)
     twice = {name for name in wanted.names if wanted.names.count(name) > 1}
     if twice:

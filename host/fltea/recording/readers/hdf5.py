@@ -4,6 +4,7 @@ An HDF5 file may state that the data of a data set are stored in other files. Su
 """
 
 import math
+import os.path
 import posixpath
 from collections.abc import Iterator
 from pathlib import Path
@@ -69,7 +70,7 @@ def read(path: Path, _: str) -> Sheet:
                 found[name], doubts[name] = _read_as(data, kept, NWB if is_nwb else NETCDF)
                 facts.update({f"{name}@{key}": value for key, value in kept.items()})
 
-    file = h5py.File(path, "r")
+    file = _opened(path)
     links = _links_elsewhere(file)
     for name, why in links.items():
         if axes_named(name.replace("/", ".")):
@@ -102,6 +103,17 @@ def outside(item: Any) -> str:
             f"is stored in other files ({listed(sorted({name for name, *_ in item.external}))}); {NOT_READ}"
         )
     return ""
+
+
+def _opened(path: Path) -> Any:
+    """Open a file.
+
+    HDF5 2.0 asks for the file's real path. Decompressed content is in a file that has none, so h5py reads it
+    through Python.
+    """
+    import h5py
+
+    return h5py.File(path if os.path.exists(os.path.realpath(path)) else path.open("rb"), "r")
 
 
 def _links_elsewhere(file: Any) -> dict[str, str]:
