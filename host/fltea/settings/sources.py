@@ -81,7 +81,8 @@ BY_SCHEME = {scheme: kind for kind in SOURCES for scheme in kind.schemes}
 
 def kind_of(url: str | None) -> SourceKind | None:
     """Return the kind of source that the scheme of a URL names; None for a bare path and other URLs."""
-    return BY_SCHEME.get((url or "").partition(":")[0]) if ":" in (url or "") else None
+    scheme, colon, _ = (url or "").partition(":")
+    return BY_SCHEME.get(scheme) if colon else None
 
 
 def is_shared(url: str | None) -> bool:

@@ -135,26 +135,31 @@ def _resonance(e: Evidence, q: Questions, said: str) -> Verdict:
     )
 
 
+def _better_than_white(e: Evidence) -> str:
+    """Return the beginning of a sentence that says how much better the best model without an order fits."""
+    f = e.candidates
+    return f"It fits better than white noise (BIC lower by {-f.bic(f.plain):.0f})"
+
+
 def high_pass(e: Evidence, q: Questions) -> Verdict:
     """Return the verdict on noise whose slow parts a high-pass has removed."""
-    f, found = e.candidates, e.reading.high_pass
+    found = e.reading.high_pass
     assert found is not None
     said = wording.sentence(found.told, e)
     q.ask("Has a high-pass removed the slow noise?", True, said)
     return q.say(
         "high-pass",
         f"{wording.capital(said)}.{wording.also_found(e)}",
-        f"It fits better than white noise (BIC lower by {-f.bic(f.plain):.0f}): {wording.UNDEFINED}.",
+        f"{_better_than_white(e)}: {wording.UNDEFINED}.",
         NEXT_HIGH_PASS,
     )
 
 
 def _notch(e: Evidence, q: Questions, said: str) -> Verdict:
-    f = e.candidates
     return q.say(
         "notch",
         f"{wording.capital(said)}.{wording.also_found(e)}",
-        f"It fits better than white noise (BIC lower by {-f.bic(f.plain):.0f}): {wording.UNDEFINED}.",
+        f"{_better_than_white(e)}: {wording.UNDEFINED}.",
         NEXT_FILTER,
     )
 
@@ -163,8 +168,7 @@ def _rising(e: Evidence, q: Questions, said: str) -> Verdict:
     return q.say(
         "anti-persistent",
         f"Noise whose power rises with frequency: {said}.{wording.also_found(e)}",
-        f"It fits better than white noise (BIC lower by {-e.candidates.bic(e.candidates.plain):.0f}), and no "
-        f"order fits as well: {wording.UNDEFINED}.",
+        f"{_better_than_white(e)}, and no order fits as well: {wording.UNDEFINED}.",
         "Typical causes: a rounded angle that is differentiated, or a sharpening filter before the output.",
     )
 
