@@ -15,7 +15,7 @@ from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
 
 
-# Over 12 attributes: permitted, since each is a fact from a chip's data sheet, typed by hand.
+# Why more than 12 attributes: each is a fact from a chip's data sheet, typed by hand.
 class Emulated(NamedTuple):
     """An emulated kind of chip with facts about it. They are those of the same names in `sources.i2c.chip`.
 

@@ -86,7 +86,7 @@ class Saved(NamedTuple):
     tracks: dict[str, SensorTracks]
 
 
-# Over 12 attributes: it mirrors the native pipeline, so that the two can be read side by side.
+# Why more than 12 attributes: it mirrors the native pipeline, so that the two can be read side by side.
 class PlainDeviceStream:
     """Turns the events of one source into records.
 

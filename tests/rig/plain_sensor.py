@@ -73,7 +73,7 @@ def _each(setting: str | float | list[float], axes: int) -> Vector:
     return tuple(map(float, values if len(values) > 1 else values * axes))
 
 
-# Over 12 attributes: it mirrors the native sensor, so that the two can be read side by side.
+# Why more than 12 attributes: it mirrors the native sensor, so that the two can be read side by side.
 class Sensor:
     """Estimates the axes of one sensor from the beginning of an epoch: a start-up window, then the filters.
 

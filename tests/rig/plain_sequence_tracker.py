@@ -93,7 +93,7 @@ class RateWatch:
         return found
 
 
-# Over 12 attributes: it mirrors the native tracker, so that the two can be read side by side.
+# Why more than 12 attributes: it mirrors the native tracker, so that the two can be read side by side.
 class PlainSequenceTracker:
     """Numbers samples without wraps, and counts used, rejected and lost samples (protocol/README.md)."""
 

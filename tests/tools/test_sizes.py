@@ -3,7 +3,7 @@
 A function has at most 60 lines, a file at most 400, and a class at most 12 attributes. A class with more
 states its reason in a comment directly above it:
 
-    # Over 12 attributes: each is a field of the published record.
+    # Why more than 12 attributes: each is a field of the published record.
 """
 
 import ast
@@ -19,7 +19,7 @@ from tests.rig.host_support import ROOT
 LONGEST_FUNCTION = 60
 MOST_ATTRIBUTES = 12
 LONGEST_FILE = 400
-REASON = re.compile(r"# Over 12 attributes: (\S.{15,})")
+REASON = re.compile(r"# Why more than 12 attributes: (\S.{15,})")
 GENERATED = {"host/fltea/wire/layout.py", "firmware/core/messages.h"}
 """Files that `make gen` writes: their source is read by people instead (protocol/messages.toml)."""
 
@@ -195,7 +195,7 @@ def test_a_function_whose_head_has_several_lines_ends_at_the_indentation_of_the_
 
 def test_attributes_are_fields_and_what_methods_set() -> None:
     code = """
-# Over 12 attributes: it is an example.
+# Why more than 12 attributes: it is an example.
 @dataclass
 class A:
     x: int
@@ -206,4 +206,4 @@ class A:
         other.w = self.v
         self.u.t = 2
 """
-    assert list(classes(code)) == [("A", 2, "# Over 12 attributes: it is an example.")]
+    assert list(classes(code)) == [("A", 2, "# Why more than 12 attributes: it is an example.")]

@@ -9,7 +9,7 @@ from tools.due_emulator.chip import Chip
 from tools.due_emulator.noise import World
 
 
-# Over 12 attributes: permitted, since each is one fact of a data sheet, or a register that these chips have.
+# Why more than 12 attributes: each is one fact of a data sheet, or a register that these chips have.
 class BankedChip(Chip):
     """A chip that was powered on long before time 0. Its class gives the facts that are declared here.
 

@@ -63,7 +63,7 @@ class _SerialPin:
         self._line.send(byte, at_ps, baud)
 
 
-# Over 12 attributes: permitted, since each is one part of the board in its circuit diagram.
+# Why more than 12 attributes: each is one part of the board in its circuit diagram.
 class Board:
     """A Due that has been connected to power; `run_until` runs it.
 

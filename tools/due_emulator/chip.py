@@ -58,7 +58,7 @@ class Fifo:
         self._bytes.clear()
 
 
-# Over 12 attributes: permitted, since each is one register, latch or deadline that all modelled sensors have.
+# Why more than 12 attributes: each is one register, latch or deadline that all modelled sensors have.
 class Chip:
     """One chip on the bus; bytes are transferred by `start`, `write`, `read` and `stop`.
 

@@ -33,7 +33,7 @@ SPACES = {PERIPHERALS_BASE: PERIPHERALS_BYTES, system_control.BASE: system_contr
 WFI, WFE, YIELD = b"\x30\xbf", b"\x20\xbf", b"\x10\xbf"
 
 
-# Over 12 attributes: it connects the emulated processor to all parts of the chip that can stop it.
+# Why more than 12 attributes: it connects the emulated processor to all parts of the chip that can stop it.
 class Cpu:
     """Runs the program in virtual time."""
 

@@ -31,7 +31,7 @@ class Phase(Enum):
     IGNORE = auto()
 
 
-# Over 12 attributes: permitted, since each is one wire, or one state of the transfer on the two wires.
+# Why more than 12 attributes: each is one wire, or one state of the transfer on the two wires.
 class I2cLines:
     """The wires SDA and SCL with the sensor at one end.
 

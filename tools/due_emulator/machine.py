@@ -55,7 +55,7 @@ class Alarm:
         self.number = 0
 
 
-# Over 12 attributes: permitted, since each is one signal that all parts of the chip share.
+# Why more than 12 attributes: each is one signal that all parts of the chip share.
 class Machine:
     """Virtual time in picoseconds, the master clock, interrupt requests and the clocks of peripherals.
 

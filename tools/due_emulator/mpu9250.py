@@ -35,7 +35,7 @@ _CLOCKING = {reg.SMPLRT_DIV, reg.CONFIG, reg.GYRO_CONFIG, reg.PWR_MGMT_1}
 _SCALING = {reg.CONFIG, reg.GYRO_CONFIG, reg.ACCEL_CONFIG, reg.ACCEL_CONFIG_2, reg.PWR_MGMT_1, reg.PWR_MGMT_2}
 
 
-# Over 12 attributes: permitted, since each is one register, latch or deadline of the modelled sensor.
+# Why more than 12 attributes: each is one register, latch or deadline of the modelled sensor.
 class Mpu9250(Chip):
     """A model of the MPU-9250 or of a related chip that was powered on long before time 0.
 

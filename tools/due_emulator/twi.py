@@ -40,7 +40,7 @@ program acts.
 Addressing = Generator[float | None, None, bool]
 
 
-# Over 12 attributes: permitted, since each is one register, wire or deadline of the modelled peripheral.
+# Why more than 12 attributes: each is one register, wire or deadline of the modelled peripheral.
 class Twi(Peripheral):
     """One I²C controller on its bus.
 

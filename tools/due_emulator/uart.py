@@ -25,7 +25,7 @@ class Line(Protocol):
         """Receive a byte at the end of its stop bit. `at_ps`: time of that end. `baud`: true baud rate."""
 
 
-# Over 12 attributes: permitted, since each is one register, wire or deadline of the modelled peripheral.
+# Why more than 12 attributes: each is one register, wire or deadline of the modelled peripheral.
 class Transmitter(Peripheral):
     """The transmit side of a UART or USART."""
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-# Over 12 attributes: permitted, since each is one result that the user of a notebook reads.
+# Why more than 12 attributes: each is one result that the user of a notebook reads.
 class Identified(FittedAxis, frozen=True, kw_only=True):
     """The results for one axis. A notebook shows them with spectrum and Allan deviation.
 

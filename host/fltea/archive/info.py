@@ -29,7 +29,7 @@ OF_A_FILE = "recording"
 """What the summary gives as the sampling mode of a file that another program wrote."""
 
 
-# Over 12 attributes: permitted, since each is one fact that `fltea info --json` prints.
+# Why more than 12 attributes: each is one fact that `fltea info --json` prints.
 class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     """The summary of one recording.
 

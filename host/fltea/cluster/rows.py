@@ -18,7 +18,7 @@ COEFFICIENTS = ("N", "B", "K")
 VALUE_COLUMNS = [name + end for name in (*VALUES, *COEFFICIENTS) for end in ("", "_low", "_high")]
 
 
-# Over 12 attributes: permitted, since each is one column of the table of verdicts.
+# Why more than 12 attributes: each is one column of the table of verdicts.
 class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     """A row for an axis. A file that failed has one row, with `error` and without `axis`.
 

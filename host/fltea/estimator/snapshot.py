@@ -12,7 +12,7 @@ from fltea.settings.estimator import LARGEST
 MOST_RESTARTS = 1 << 52
 
 
-# Over 12 attributes: permitted, since each is one part of the state that is saved and restored as a whole.
+# Why more than 12 attributes: each is one part of the state that is saved and restored as a whole.
 class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A saved baseline, and the filters that continue from it.
 

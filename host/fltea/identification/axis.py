@@ -76,7 +76,7 @@ class NullResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """FLTEA's estimates for the shuffled copies, by the same variant of FLTEA as in `AxisResult.fltea`."""
 
 
-# Over 12 attributes: permitted, since each is one finding about an axis, and they are made together.
+# Why more than 12 attributes: each is one finding about an axis, and they are made together.
 class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The identification of one axis.
 

@@ -27,7 +27,7 @@ class Failure(msgspec.Struct, frozen=True):
     error: str
 
 
-# Over 12 attributes: permitted, since each is one field of the published report.
+# Why more than 12 attributes: each is one field of the published report.
 class AxisReport(msgspec.Struct, frozen=True):
     """The results of one axis.
 

@@ -3,7 +3,7 @@
 import msgspec
 
 
-# Over 12 attributes: permitted, since each is one published count of samples.
+# Why more than 12 attributes: each is one published count of samples.
 class Counts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Number of samples in the recording, and how many of them are used.
 

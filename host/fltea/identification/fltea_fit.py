@@ -32,7 +32,7 @@ LEAST = 100
 """FLTEA is run only if at least this many samples follow the start-up window."""
 
 
-# Over 12 attributes: permitted, since each is one field of the published fit.
+# Why more than 12 attributes: each is one field of the published fit.
 class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The last estimates of one axis; an estimate that is not finite or not valid is None."""
 

@@ -45,7 +45,7 @@ class GaussMarkovState(msgspec.Struct, frozen=True):
     s2: float
 
 
-# Over 12 attributes: permitted, since each is one field of the file for navigation filters.
+# Why more than 12 attributes: each is one field of the file for navigation filters.
 class NavigationAxis(msgspec.Struct, frozen=True):
     """The entry of one axis: its figures with their intervals, and the filter that follows from them.
 

@@ -21,7 +21,7 @@ FAREWELL_S = 1.0
 """Longest wait for a connection to end after it was closed [s]."""
 
 
-# Over 12 attributes: what the caller asks for, and what becomes of one connection after another.
+# Why more than 12 attributes: what the caller asks for, and what becomes of one connection after another.
 class Subscriber:
     """Receives messages until it is closed. A thread of its own keeps it connected.
 

@@ -56,7 +56,7 @@ class Said(NamedTuple):
     against: str = ""
 
 
-# Over 12 attributes: each is a fact that the type or first message of a topic states of all its messages.
+# Why more than 12 attributes: each is a fact that the topic's type or first message states of all messages.
 class Layout(NamedTuple):
     """Layout of a topic's messages: the names of the fields to read, and what is known of them.
 

@@ -23,7 +23,7 @@ _SHARED = re.compile(r"(?:.*[\s._/:-])?")
 """Matches the beginning of a name, up to its last separator between words."""
 
 
-# Over 12 attributes: permitted, since each is one key of a row of dialects.toml.
+# Why more than 12 attributes: each is one key of a row of dialects.toml.
 class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The form and the meaning of one logger's files.
 

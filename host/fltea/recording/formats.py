@@ -25,7 +25,7 @@ _ANY_TEXT = "text may begin with anything"
 _ZIP_ARCHIVE = "a zip archive, which its members tell from others"
 
 
-# Over 12 attributes: permitted, since each is one column of the table of formats.
+# Why more than 12 attributes: each is one column of the table of formats.
 class Format(NamedTuple):
     """A file format that fltea reads.
 

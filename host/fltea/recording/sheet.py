@@ -53,7 +53,7 @@ are wrong by about 5 ‰ at most.
 """
 
 
-# Over 12 attributes: each is a fact about the table, and the reader process sends all of them as one message.
+# Why more than 12 attributes: each is a fact about the table. The reader process sends all as one message.
 class SheetHead(msgspec.Struct, frozen=True):
     """Everything that a table in a file holds, except its rows.
 

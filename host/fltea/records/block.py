@@ -144,7 +144,7 @@ COLUMNS = ("seq", "device_us", "host_ns", "gyro_dps", "accel_ms2", "temperature_
 """Fields of a block that have one row for each sample."""
 
 
-# Over 12 attributes: permitted, since each is one column of the samples, or one fact about all samples.
+# Why more than 12 attributes: each is one column of the samples, or one fact about all samples.
 @dataclass(frozen=True)
 class Block:
     """n consecutive samples of one epoch; each column has n rows.

@@ -21,7 +21,7 @@ class DeviceSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Effective number of periodogram ordinates that are averaged in each bin."""
 
 
-# Over 12 attributes: permitted, since each is one field of the published record.
+# Why more than 12 attributes: each is one field of the published record.
 class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The device's own fit of one axis, which compares white noise with only two other models."""
 

@@ -41,7 +41,7 @@ class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
 
-# Over 12 attributes: permitted, since each is one field of the published record.
+# Why more than 12 attributes: each is one field of the published record.
 class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The estimates of one axis after one sample. A value that is not known is null."""
 

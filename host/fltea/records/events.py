@@ -161,7 +161,7 @@ class DeviceTracker(NamedTuple):
     state_std_dps: float
 
 
-# Over 12 attributes: permitted, since each attribute is a field of the protocol's message.
+# Why more than 12 attributes: each attribute is a field of the protocol's message.
 class DeviceAxis(NamedTuple):
     """The device's own estimate of one axis after one sample.
 
@@ -193,7 +193,7 @@ class DeviceAxis(NamedTuple):
     tracker: DeviceTracker | None = None
 
 
-# Over 12 attributes: permitted, since each attribute is a field of the protocol's message.
+# Why more than 12 attributes: each attribute is a field of the protocol's message.
 class DeviceEstimator(NamedTuple):
     """The settings with which the device estimates, and the counters of its estimator.
 
@@ -231,7 +231,7 @@ class DeviceEstimator(NamedTuple):
     gate: float
 
 
-# Over 12 attributes: permitted, since each attribute is a field of the protocol's message.
+# Why more than 12 attributes: each attribute is a field of the protocol's message.
 class DeviceFit(NamedTuple):
     """The device's own fit of one axis, with numbers as the device sends them, even if not finite."""
 

@@ -39,7 +39,7 @@ class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=
     """Name in this program of the device or recording that the record is from."""
 
 
-# Over 12 attributes: permitted, since each is one field of the published record.
+# Why more than 12 attributes: each is one field of the published record.
 class Hello(Record, frozen=True, tag="hello"):
     """The identity and settings of a device or recording.
 

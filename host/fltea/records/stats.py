@@ -97,7 +97,7 @@ class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
 
-# Over 12 attributes: permitted, since each is one field of the published record.
+# Why more than 12 attributes: each is one field of the published record.
 class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """State and checks of the tracker of an axis's bias, which is a Kalman filter."""
 
@@ -180,7 +180,7 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """State of the tracker of the axis's bias; null if there is no tracker."""
 
 
-# Over 12 attributes: permitted, since each is one field of the published record.
+# Why more than 12 attributes: each is one field of the published record.
 class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """State and counts of the device's own estimator."""
 

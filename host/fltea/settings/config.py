@@ -121,7 +121,7 @@ class ReplayConfig(How, frozen=True):
         return How(**{name: getattr(self, name) for name in How.__struct_fields__})
 
 
-# Over 12 attributes: permitted, since each is one setting, or one table of settings, of the TOML file.
+# Why more than 12 attributes: each is one setting, or one table of settings, of the TOML file.
 class Config(Outputs, frozen=True):
     """All settings of `fltea run`; the tables of its TOML file have the same names."""
 

@@ -99,7 +99,7 @@ BY_DEVICE = ("device", "both")
 """Values of `EstimateOn` for which the device runs its own estimator."""
 
 
-# Over 12 attributes: permitted, since each is one setting of the TOML file.
+# Why more than 12 attributes: each is one setting of the TOML file.
 class EstimatorConfig(Table, frozen=True):
     """Settings of an estimator: its filters, start-up window, bias and R, the variance of the measurement.
 

@@ -21,7 +21,7 @@ def is_partitioned(url: str | None) -> bool:
     return url is not None and url.startswith("nats:")
 
 
-# Over 12 attributes: permitted, since each is one setting of the TOML file.
+# Why more than 12 attributes: each is one setting of the TOML file.
 class IngestConfig(Table, frozen=True):
     """Settings for devices that publish their frames to a broker.
 

@@ -135,7 +135,7 @@ class Fits:
         self.beside: dict[tuple[int, ...], list[float]] = {} if last is None else last.beside
 
 
-# Over 12 attributes: the models are compared with each other, so they are kept side by side.
+# Why more than 12 attributes: the models are compared with each other, so they are kept side by side.
 class CandidateModels:
     """The noise models that are fitted to the spectrum of one series.
 

@@ -27,7 +27,7 @@ APART = 6.0
 """Two models count as different if their 2 log L (twice the log likelihood) differs by at least this."""
 
 
-# Over 12 attributes: permitted, since each is one finding on which the verdict is based.
+# Why more than 12 attributes: each is one finding on which the verdict is based.
 class Evidence(NamedTuple):
     """All figures that the verdict on one axis rests on."""
 

@@ -44,7 +44,7 @@ of these ratios, since a proportion near 95 % can only be measured on many serie
 """
 
 
-# Over 12 attributes: permitted, since each is one choice of what to evaluate, with its default.
+# Why more than 12 attributes: each is one choice of what to evaluate, with its default.
 class Plan(NamedTuple):
     """What to evaluate: by default 53 noises, and changed settings of the filters on six of them."""
 

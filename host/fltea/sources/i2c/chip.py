@@ -76,7 +76,7 @@ class Packet(NamedTuple):
         return len(set(row)) > 1 or row[0] & 0xFF != row[0] >> 8 & 0xFF
 
 
-# Over 12 attributes: permitted, since each is one fact of a chip's data sheet that the driver needs.
+# Why more than 12 attributes: each is one fact of a chip's data sheet that the driver needs.
 class Chip(NamedTuple):
     """One kind of sensor.
 
