@@ -126,7 +126,7 @@ def _pointers(names: str) -> list[tuple[str, type]]:
     return [(name, ctypes.c_void_p) for name in names.split()]
 
 
-# Why more than 12 attributes: each mirrors one variable of the native loop, which is called millions of times.
+# Why more than 12 attributes: each mirrors a variable of the native loop, which is called millions of times.
 class Execution(ctypes.Structure):
     """A slice of execution: its progress, its end, and the callbacks for accesses and events.
 
