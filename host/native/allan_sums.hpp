@@ -23,8 +23,8 @@ constexpr std::size_t kChunk = 16, kHistory = 15;
 // Octaves 0 to 3 of the Allan variance are computed from the samples (level 0). Each further octave is
 // computed from the values of its own level.
 constexpr std::size_t kLevels = 24, kOfSamples = 4, kOctaves = kLevels + kOfSamples - 1;
-// A point of the Allan variance is returned only if the age of the point's last term is at most this many
-// time constants of the memory.
+// Old terms are forgotten exponentially. A point of the Allan variance is left out if its newest term is
+// older than this many time constants of the forgetting.
 constexpr double kOldest = 3;
 constexpr double kLargestValue = 1e100, kLargestCount = 1e15;
 
@@ -101,9 +101,9 @@ class AllanSums {
         stretch_begin_ = now_;
     }
 
-    // Adds the sums of another instance, as if the series of both instances ended now. The values that still
-    // wait for a complete chunk are used first in both. The next sample begins a new stretch of this
-    // instance's series, as after a break.
+    // Adds the sums of another instance, as if the series of both instances ended now. Before that, terms are
+    // computed from the values that wait in incomplete chunks of both. The next sample begins a new stretch
+    // of this instance's series, as after a break.
     void merge(const AllanSums& other) {
         if (other.samples_ <= 0) return;
         AllanSums ended(other);
@@ -140,8 +140,8 @@ class AllanSums {
     }
 
     // Returns the state as a list of numbers. The first four are the sample count, the current time, the time
-    // since the last break, and the origin. The values of all levels follow, and then four numbers for each
-    // octave.
+    // since the last break, and the origin, which is subtracted from each sample. The values of all levels
+    // (struct Level) follow, and then the four numbers of each octave (struct Octave).
     std::vector<double> save() const {
         const double length = begun_ ? now_ - stretch_begin_ : 0;
         std::vector<double> numbers = {samples_, now_, length, begun_ ? origin_ : 0};

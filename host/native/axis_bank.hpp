@@ -1,6 +1,6 @@
 // Computes the estimates of all axes of one sensor. It has the start-up window, the filters of the algorithm
-// with their supervisors, and the test whether the innovations are white. One call processes any number of
-// rows. A row has one value for each axis.
+// FLTEA with the supervisors that restart them, and the test whether the innovations are white. One call
+// processes any number of rows. A row has one value for each axis.
 #pragma once
 
 #include <algorithm>

@@ -20,10 +20,11 @@ class AxisFilter {
     explicit AxisFilter(std::int64_t ahead) : ahead_(ahead) {}
 
     bool has_model() const { return model_ != nullptr; }
-    // The filters of the noise model. Call this only if there is a model.
+    // The filters of the noise model. Call this only if has_model() is true.
     NoiseModel& model() { return *model_; }
     const NoiseModel& model() const { return *model_; }
-    // The bank of filters. Call this only if there is no model.
+    // The filters for typical noises, which exist only until there is a noise model. Call this only if
+    // has_model() is false.
     WalkBank& bank() { return banks_->now; }
     const WalkBank& bank() const { return banks_->now; }
 
@@ -56,7 +57,8 @@ class AxisFilter {
         }
     }
 
-    // Takes the sample `y`, which is relative to the origin. Call go_on() afterwards.
+    // Takes the sample `y`, from which the axis's origin (AxisTracker) was subtracted. Call go_on()
+    // afterwards.
     void predict(double y) {
         if (model_ == nullptr) {
             banks_->now.predict(y);
@@ -82,7 +84,7 @@ class AxisFilter {
     // Variance of the innovation of the next sample.
     double variance() const { return model_ == nullptr ? banks_->now.variance() : model_->variance(); }
     Known known() const { return model_ == nullptr ? banks_->now.known() : model_->known(e_); }
-    // The present bias, relative to the origin of the samples.
+    // The present bias of the samples that predict() takes, from which the origin was subtracted.
     double bias() const {
         if (model_ != nullptr) return model_->bias();
         return banks_->now.knows() ? banks_->now.known().bias : 0;

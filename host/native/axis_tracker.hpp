@@ -42,8 +42,8 @@ class AxisTracker {
 
     // Whether any sample has arrived yet.
     bool has_begun() const { return has_origin_; }
-    // State vector after the newest sample, relative to the origin. If the noise model has two candidate
-    // systems, the state is that of the likelier system. Without a model the vector is empty.
+    // State vector after the newest sample. It describes samples minus the origin. If the noise model has two
+    // candidate systems, the state is that of the likelier one. Without a model the vector is empty.
     const double* x() const { return filter_.x(); }
     int size() const { return filter_.size(); }
     double origin() const { return origin_; }
@@ -304,8 +304,8 @@ class AxisTracker {
                        moving};
     }
 
-    // The largest change that counts as a step of the bias. It is at least twice the standard deviation of a
-    // sample's noise, because a smaller step cannot be distinguished from noise quickly.
+    // The largest change that counts as a step of the bias; a larger change is motion. The limit is at least
+    // twice the standard deviation of a sample, because it takes long to see smaller changes in the noise.
     double largest_step() const {
         return std::fmax(rules_.largest_step, deviation_ < kLargest ? kLeastOfNoise * deviation_ : 0);
     }
@@ -378,7 +378,7 @@ class AxisTracker {
     bool fixed_, has_origin_ = false;
     double origin_ = 0;
     Rounding rounding_;
-    // Three figures of the newest sample: its value relative to the origin, the standard deviation of its
+    // Three figures of the newest sample: its value minus the origin, the standard deviation of its
     // innovation, and its innovation for the step test, divided by this standard deviation.
     double apart_ = 0, deviation_ = kLargest, for_steps_ = 0;
     StepSeen seen_ = StepSeen{StepSeen::kNothing, 0, 0};

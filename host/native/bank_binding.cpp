@@ -190,7 +190,8 @@ class Bank : public fltea::BankPart {
         return result;
     }
 
-    // Returns the state of the engine, of the supervisors and of the whiteness tests.
+    // Returns the state of the engine, of the supervisors that restart diverged filters, and of the whiteness
+    // tests.
     std::tuple<nb::bytes, nb::bytes, nb::bytes> save() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         std::vector<double> numbers;

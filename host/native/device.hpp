@@ -23,7 +23,7 @@ enum class Stop : int {
     kEnd,       // all samples have been processed
     kMore,      // nothing has happened that the caller must handle, but more samples wait
     kStatsDue,  // before a sample: this sample arrived at or after the time at which statistics are due
-    // before a sample: samples just before it are missing, and the sensors have predicted them
+    // before a sample: samples just before it are missing; the filters have bridged the gap by prediction
     kGap,
     // before a sample: an epoch (a run of samples without a restart or a long gap) begins with it; call
     // begin()
@@ -109,8 +109,9 @@ class Device {
     const std::vector<std::vector<Lost>>& lost_meanwhile() const { return lost_; }
 
     // Processes samples from index `at` on, up to the first sample at which the caller has to do something.
-    // The function `room(bytes)` has to return memory for the columns of a run, which stays valid until all
-    // rows of the run have been returned. Throws std::domain_error for values that no filter can process.
+    // The function `room(bytes)` has to return memory for the columns of a run (RunColumns), which stays
+    // valid until `advance` has returned all rows of the run. Throws std::domain_error for values that no
+    // filter can process.
     template <typename Room>
     Advanced advance(const SampleColumns& from, std::size_t at, Room room) {
         happened_.clear();
@@ -148,8 +149,8 @@ class Device {
     // processing writes are still in the cache for the next step.
     static constexpr std::size_t kMostRows = 2048;
 
-    // Judges the next sample before it is processed. kEnd means that there is no stop. The sample is then
-    // either ignored or has to be processed now.
+    // Judges the next sample. Returns why `advance` has to return before this sample, or kEnd if it need not.
+    // In the latter case, the sample is either ignored or has to be processed now.
     Stop judge(const SampleColumns& from, std::size_t at) {
         if (!is_judged_) {
             judged_ = place.judge(from.sequence[at], from.device_us[at], from.host_ns[at]);

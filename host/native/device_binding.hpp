@@ -130,9 +130,9 @@ class Device {
     bool knows_hello() const { return device_.place.knows_hello(); }
     void on_break(const char* reason) { device_.place.on_break(fltea::epoch_reason_of(reason)); }
 
-    // Begins an epoch. Each sensor is a tuple: is_accel, places (indexes of its axes), tracker, sums or None,
-    // longest motion, bank or None, number of rows until its start-up window is full, and for each axis
-    // whether it waits for an accepted fit.
+    // Begins an epoch (samples without a restart or a long gap). Each sensor is a tuple of the fields of
+    // fltea::Sensor: is_accel, places, tracker, sums or None, longest_motion, bank or None, window_left and,
+    // for each axis, waits.
     void begin(std::int64_t offset_ns, nb::list sensors) {
         std::vector<fltea::Sensor> found;
         for (nb::handle sensor : sensors) {
@@ -162,8 +162,9 @@ class Device {
     size_t window_left(size_t sensor) { return at(sensor).window_left; }
 
     // Processes samples from index `next` on. `raw` has the columns sequence, device_us, host_ns, gyro,
-    // accel, temperature and flags of a RawBlock. Returns the kind of stop, the index of the next sample, the
-    // columns of the processed samples with the index of the first of them (or None), and the events.
+    // accel, temperature and flags of a RawBlock. Returns why it stopped (Stop), the index of the next
+    // sample, the columns of the processed samples with the index of the first of them (or None), and details
+    // of the stop.
     nb::tuple advance(nb::tuple raw, size_t next) {
         const size_t n = nb::len(nb::handle(raw[0]));
         const Column sequence(raw[0], n), device_us(raw[1], n), host_ns(raw[2], n), gyro(raw[3], n),

@@ -8,7 +8,7 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 namespace {
 
-// Calls `action` with the type of engine (an instance of the template Packs) that belongs to this shape.
+// Calls `action` with an engine of the settings `shape`. The settings decide of which type the engine is.
 template <class Action>
 void with_packs(void* storage, const EngineShape& shape, Action& action) {
     if (shape.joint) {

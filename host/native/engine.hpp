@@ -21,9 +21,11 @@ namespace engine {
 // integers, because the enumeration types belong to the namespaces of the instruction sets.
 struct EngineShape {
     std::size_t lanes;
-    std::int32_t joint;       // 0: triple (three filters), 1: joint (filters.hpp, joint.hpp)
-    std::int32_t guard;       // which guard limits the estimates: a value of enum Guard (guard.hpp)
-    std::int32_t compressed;  // 0: direct memory (memory_direct.hpp), 1: compressed memory
+    std::int32_t joint;  // 0: triple (three filters), 1: joint (filters.hpp, joint.hpp)
+    std::int32_t guard;  // which guard limits the estimates: a value of enum Guard (guard.hpp)
+    // kind of memory of past states: 0: direct, with all of them (memory_direct.hpp); 1: compressed to
+    // decaying sums
+    std::int32_t compressed;
     // accuracy of the compressed memory, as the argument `digits` of compressed_config(); 0 stands for the
     // default
     std::int32_t accuracy;
@@ -79,7 +81,8 @@ struct Watch {
     // state of the supervisors, Backend::supervisor bytes for each lane; all bytes of a new supervisor are
     // zero
     unsigned char* supervisors;
-    std::uint8_t* verdicts;  // the supervisors' verdicts: VerdictBits, of shape (samples, lanes)
+    // what each lane's supervisor says of each sample: VerdictBits, of shape (samples, lanes)
+    std::uint8_t* verdicts;
 };
 
 enum VerdictBits : int { kValid = 1, kRestarted = 2, kRanAway = 4, kBound = 8 };
@@ -89,7 +92,7 @@ struct Backend {
     int width;  // number of lanes (axes) in a pack, which is one vector register
     // number of the guard's counters in each lane, one for each cause for which the guard limits a value
     int causes;
-    std::size_t supervisor;  // size of one supervisor in bytes
+    std::size_t supervisor;  // size of the supervisor of one lane in bytes
 
     // Returns the number of bytes of storage, aligned to 64, that an engine of this shape needs.
     std::size_t (*storage)(const EngineShape& shape);
@@ -105,7 +108,8 @@ struct Backend {
     void (*watch)(void* storage, const EngineShape& shape, const Block& block, const Watch& watch);
     // Restarts the lanes (axes) for which `mask` is not 0.
     void (*reset)(void* storage, const EngineShape& shape, const std::uint8_t* mask);
-    // Writes how often the guard limited a value, as an array of shape (lanes, causes).
+    // Writes for each lane (axis) and each cause how often the guard limited a value, in the shape (lanes,
+    // causes).
     void (*counts)(const void* storage, const EngineShape& shape, std::int32_t* out);
     // Returns the size of a snapshot; `save` writes the snapshot. The settings are not part of a snapshot.
     std::size_t (*snapshot)(const EngineShape& shape);

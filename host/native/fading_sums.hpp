@@ -21,7 +21,8 @@ class FadingMemory {
     double generation(std::uint64_t sample) const {
         return fades() ? std::floor(double(sample) / samples_) : 0;
     }
-    // Returns which fraction of its generation has passed when a sample comes; 0 if nothing is forgotten.
+    // Returns which fraction of the current generation has passed when sample number `sample` comes; 0 if
+    // nothing is forgotten.
     double part(std::uint64_t sample) const {
         return fades() ? double(sample) / samples_ - generation(sample) : 0;
     }
@@ -43,7 +44,8 @@ class FadingSums {
         std::memset(&before_, 0, sizeof before_);
     }
 
-    // Adds the powers of a block of generation `born`. The powers have the unit of the sums.
+    // Adds the powers of a block that belongs to the generation number `born` (FadingMemory). The powers have
+    // the unit of the sums.
     template <typename Number>
     void add(const Number* power, int, double born) {
         age(born);
@@ -53,8 +55,8 @@ class FadingSums {
         to.blocks += 1;
     }
 
-    // Advances to the later generation `generation`. Forgets the sums of all generations except this one and
-    // the one just before it.
+    // Advances to the generation number `generation` (FadingMemory), if it is later than the current one.
+    // Forgets the sums of all generations except this one and the one just before it.
     void age(double generation) {
         if (!(generation > generation_)) return;
         if (generation == generation_ + 1) {
@@ -67,8 +69,8 @@ class FadingSums {
     }
 
     // Writes the sums of powers and the weighted number of blocks at the time when the fraction `part` of the
-    // current generation has passed. `effective`: number of blocks of equal weight that would give the same
-    // precision.
+    // current generation (FadingMemory) has passed. `effective`: number of blocks of equal weight that would
+    // give the same precision.
     void read(double part, double* power, double* blocks, double* effective) const {
         const double old = 1 - part;
         for (int i = 0; i < kLines; ++i) power[i] = now_.power[i] + old * before_.power[i];
@@ -81,8 +83,8 @@ class FadingSums {
         add(now_, other.now_);
         add(before_, other.before_);
     }
-    // Sets the present generation. Call this after a merge with other sums, when the generation no longer
-    // follows from the blocks that were added.
+    // Sets the number of the current generation (FadingMemory). Call this after a merge with other sums, when
+    // the generation no longer follows from the blocks that were added.
     void set_generation(double generation) { generation_ = generation; }
 
     template <typename Io>

@@ -110,9 +110,9 @@ class Kalman {
         find_gain();
     }
     double bias() const { return dot(system_->bias, x, system_->n); }
-    // Variance of the scalar product of `row` and x, for example of the bias. It is computed from P, although
-    // P may already be the covariance of a moment up to kHeld samples later. The difference is corrected with
-    // the present variance of the bias, which is known.
+    // Variance of the scalar product of `row` and x. It is computed from P. While the gain is held (hold()),
+    // P is the covariance of a moment up to kHeld samples later. The result is therefore corrected by the
+    // difference between the bias's present variance and its variance by P.
     double variance_of(const double* row) const {
         const System<N>& s = *system_;
         const double own = form(row, P, row, s.n), of_bias = form(s.bias, P, s.bias, s.n);
@@ -120,8 +120,8 @@ class Kalman {
         return found > 0 ? found : own > 0 ? own : 0;
     }
 
-    // Sets new addresses of the system and of the map of its covariance. Call this after the two objects have
-    // been moved in memory.
+    // Sets new addresses of the system and of its RiccatiMap. Call this after the two objects have been moved
+    // in memory.
     void point_to(const System<N>* system, const RiccatiMap<N>* map) {
         system_ = system;
         map_ = map;

@@ -86,8 +86,8 @@ class LaneRunner {
     const std::vector<std::uint64_t>& restarts() const { return restarts_; }
     void set_restarts(const std::vector<std::uint64_t>& restarts) { restarts_ = restarts; }
 
-    // Writes how often the guard (guard.hpp) has limited a value in each lane since the lane's last start, as
-    // an array of shape (lanes, causes).
+    // Writes for each lane (axis) and each cause how often the guard (guard.hpp) has limited a value since
+    // the lane's filters last started, in the shape (lanes, causes).
     void counts(std::int32_t* out) const { engine_.counts(out); }
 
     std::vector<unsigned char> save() const { return engine_.save(); }

@@ -25,7 +25,8 @@ class Lanes {
                  shape_of(joint, guard, compressed, accuracy, window, settings),
                  reinterpret_cast<const LaneSettings*>(settings.data())) {}
 
-    // Processes rows. `out` has the shape (columns, rows, lanes), and `valid` has the shape (rows, lanes).
+    // Processes rows of samples; a row has a value for each lane (axis). `out` has the shape (columns, rows,
+    // lanes), and `valid` has the shape (rows, lanes).
     nb::list run(Rows y, std::optional<Flags> missing, Results out,
                  nb::ndarray<uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> valid) {
         const size_t rows = y.shape(0), lanes = lanes_.lanes();

@@ -51,8 +51,9 @@ class LinePrinter {
     std::size_t room(std::size_t rows) const { return rows * room_; }
 
     // Prints the rows begin, begin + step, … below `end` into `out`. `out` must have as many bytes as room()
-    // returns. Returns the end of the printed text. Every column that a hole uses must have these rows and
-    // the indexes that its holes name. Columns that no hole uses are ignored.
+    // returns. Returns the end of the printed text. A hole is the place of a number in the line; it names the
+    // number's column and its index within the row. Every column that a hole names must have these rows and
+    // this index. Columns that no hole names are ignored.
     char* print(const Cells* columns, std::size_t begin, std::size_t end, std::size_t step, char* out) const {
         std::vector<Cell> cells;
         cells.reserve(holes_.size());

@@ -17,9 +17,10 @@ constexpr double kNothing = 1e-200;
 
 // A linear system with n states, in arrays with room for N; if N is at most 4, zeros follow the last state.
 // Matrices are (n, n), row by row, in the first n * n elements. The states of `pairs` pairs of complex poles
-// come first. The weight of state i is c[i] in a sample, state[i] in the published state, and bias[i] in the
-// bias. If the bias is an expected mean over the next samples, bias_more is the variance that the noise of
-// these samples adds to the bias.
+// come first. A sample is the sum of all states, weighted by c[i], and white noise of variance R. The
+// published state (the noise without white noise) and the bias are sums of states, too, with the weights
+// state[i] and bias[i]. If the bias is an expected mean over the next samples, bias_more is the variance that
+// the noise of these samples adds to it.
 template <int N>
 struct System {
     int n, pairs;
@@ -164,7 +165,7 @@ class RiccatiMap {
   public:
     enum { kDoublings = 8, kSamples = 1 << kDoublings };
 
-    // Computes the matrices of the map for a system. Returns false if a matrix is singular or a number is not
+    // Computes the matrices B, G and H for a system. Returns false if a matrix is singular or a number is not
     // finite.
     bool set(const System<N>& s) {
         const int n = n_ = s.n, size = n * n;

@@ -86,11 +86,13 @@ class ModeSums {
 
     // Returns g(m) = 1 + a + … + a^(m-1), where a is the eigenvalue of mode i.
     const Complex& geometric(int i) const { return of_[i].geometric; }
-    // Returns the sum over k = 1 … m of g(k) conj g'(k), where g belongs to mode i and g' to mode j.
+    // Returns the sum over k = 1 … m of g_i(k) conj g_j(k), where g_i(k) = 1 + a + … + a^(k-1) with the
+    // eigenvalue a of mode i.
     const Complex& both(int i, int j) const { return both_[i * modes_.n + j]; }
 
   private:
-    // `power`: a^m. `geometric`: g(m). `sums`: g(1) + g(2) + … + g(m).
+    // Sums of the eigenvalue a of a mode over m samples. `power`: a^m. `geometric`: g(m) = 1 + a + … +
+    // a^(m-1). `sums`: g(1) + g(2) + … + g(m).
     struct OfMode {
         Complex power, geometric, sums;
     };
@@ -140,8 +142,9 @@ class ModeSums {
 // = 0, the result is the scalar product with the present x.
 //
 // The state j samples ahead is x_k+j = A^j x_k plus noise. The mean is therefore computed in the eigenvectors
-// of A (Modes). For a mode with the eigenvalue a, the mean of a^j over j = 1 … m is a g(m) / m (ModeSums),
-// and the noise that is added j samples ahead has the weight g(m - j + 1) / m.
+// of A (Modes). For a mode with the eigenvalue a, let g(m) be 1 + a + … + a^(m-1) (ModeSums). Then the mean
+// of a^j over j = 1 … m is a g(m) / m, and the noise that is added j samples ahead has the weight g(m - j +
+// 1) / m.
 template <int N>
 MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) {
     typedef std::complex<double> Complex;

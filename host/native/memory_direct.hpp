@@ -74,7 +74,8 @@ class DirectMemory {
         for (int i = 0; i < N; ++i) S[i] = nest.state[i];
     }
 
-    // Computes V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}, with the same weights c_j as in state_sums().
+    // Computes V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}, where P_{k-j} is the variance of the state j
+    // samples ago. The weights c_j and the number L(k) of past states are those of state_sums().
     T variance_sum(T order) const {
         const T orders[1] = {order};
         Nest<T, 0, 1> nest(orders);
@@ -82,7 +83,8 @@ class DirectMemory {
         return nest.variance;
     }
 
-    // Computes S and V for one order together, which takes less time than computing one after the other.
+    // Computes the sum S of past states (state_sums()) and the sum V of their variances (variance_sum()) for
+    // one order together, which takes less time than one after the other.
     void sums(T order, T& S, T& V) const {
         const T orders[1] = {order};
         Nest<T, 1, 1> nest(orders);

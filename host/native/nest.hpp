@@ -23,7 +23,8 @@ class Nest {
     static constexpr std::size_t kHead = 8;
 
   public:
-    // The sums S of the x_j and V of the P_j. They are valid after run().
+    // The weighted sum of past states x_j for each order, and the weighted sum of their variances P_j. Both
+    // are valid after run().
     T state[N > 0 ? N : 1];
     T variance;
 
@@ -40,8 +41,8 @@ class Nest {
     // 1.
     void run(const T* x, const T* P, const R* reciprocal, std::size_t n) {
         std::size_t j = n;
-        // Each iteration processes two samples, so that the next iteration has to wait for the result of one
-        // operation instead of two.
+        // Each iteration adds two samples. The new sum depends on the previous sum by a single multiply-add
+        // for both samples, so the processor waits for one operation where it would wait for two.
         for (; j > kHead; j -= 2) {
             two(x[j - 2], P[j - 2], T(reciprocal[j]), x[j - 1], P[j - 1], T(reciprocal[j + 1]));
         }

@@ -266,7 +266,8 @@ class NoiseModel {
     std::vector<Rival> rivals_;
     std::size_t best_ = 0;
     double variance_ = 1;
-    // mean weight of the system whose offset does no random walk, over the newest few thousand samples
+    // mean probability of that candidate system whose offset does no random walk, over the newest few
+    // thousand samples
     double stays_ = 1;
 };
 

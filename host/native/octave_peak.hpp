@@ -25,11 +25,12 @@ struct Found {
 // too, and explains them.
 constexpr double kFlank = 48;  // least number of ordinates in a flank
 constexpr double kWidestShare = 0.08;
-// least number of lines in a flank, however many ordinates each line stands for
+// least number of lines in a flank (neighbourhood of a peak), even if fewer lines have kFlank ordinates
 constexpr std::size_t kShortestFlank = 12;
-constexpr std::size_t kLeastFlank = 4;  // least number of lines in a flank at the edge of the spectrum
-constexpr double kLeastInFlank = 16;    // least number of ordinates in a flank at the edge of the spectrum
-constexpr std::size_t kEndFlank = 4;    // number of lines in the flank below a line near frequency 0
+// least number of lines in a flank that the spectrum's edge cuts short
+constexpr std::size_t kLeastFlank = 4;
+constexpr double kLeastInFlank = 16;  // least number of ordinates in such a flank
+constexpr std::size_t kEndFlank = 4;  // number of lines in the flank below a line near frequency 0
 // Widths of stretches near the ends of the spectrum [lines]. Near the ends, the search is only for peaks as
 // narrow as a single frequency.
 constexpr std::size_t kEndWidths[] = {1, 2};
@@ -39,8 +40,8 @@ constexpr std::size_t kEndWidths[] = {1, 2};
 constexpr double kContinued = 5;
 // largest number of averaged lines in a stretch; so many lines are a fifth of an octave
 constexpr std::size_t kWidest = 8;
-// A stretch of neighbouring lines is tested only if it raises the log likelihood by at least this fraction of
-// the gain that a peak would need if the noise level were known.
+// If the noise level were known, a peak would be significant if it raised the log likelihood by a certain
+// gain (hopeless()). A stretch of neighbouring lines is tested only if it reaches this fraction of that gain.
 constexpr double kHopeless = 0.6;
 // least noise level that is assumed, as a fraction of the mean of the spectrum
 constexpr double kLeastLevel = 1e-12;
@@ -131,13 +132,14 @@ class Search {
     static double gain_of(double effective, double ratio) {
         return effective * (ratio - 1 - std::log(ratio));
     }
-    // Returns the least gain in log likelihood with which a stretch may reach the normal deviate `deviate`. A
-    // stretch with a smaller gain needs no exact test, and most stretches have a smaller one. If the noise
-    // level were known, a stretch would have a deviate of about √(2 gain).
+    // Returns the least gain in log likelihood with which a stretch of lines may be significant, which means
+    // that it exceeds `deviate` standard deviations. A stretch with a smaller gain needs no exact test, and
+    // most stretches have a smaller one. If the noise level were known, a stretch would exceed about √(2
+    // gain) standard deviations.
     static double hopeless(double deviate) { return kHopeless * deviate * deviate / 2; }
 
     // Returns the index at which a range of lines has to begin if it ends before `end` and must have at least
-    // this many ordinates and lines.
+    // `lines` lines, which together stand for at least `ordinates` periodogram ordinates.
     std::size_t down(std::size_t end, double ordinates, std::size_t lines) const {
         const auto next = std::upper_bound(weights_.begin(), weights_.end(), weights_[end] - ordinates);
         const std::ptrdiff_t enough = next - weights_.begin() - 1;
@@ -151,8 +153,8 @@ class Search {
     }
 
     std::vector<Try> tries() const {
-        // For each line, where the shortest flank above it ends (`to`), and where the shortest flank below it
-        // begins (`from`).
+        // A flank needs at least kFlank ordinates. For each line: where the shortest flank at higher
+        // frequencies ends (`to`), and where the shortest flank at lower frequencies begins (`from`).
         std::vector<std::size_t> to(size_ + 1), from(size_ + 1);
         for (std::size_t i = 0, high = 0, low = 0; i <= size_; ++i) {
             while (high <= size_ && weights_[high] < weights_[i] + kFlank) ++high;
@@ -199,8 +201,9 @@ class Search {
         }
     }
 
-    // A stretch that is too close to an end of the spectrum to have complete flanks. If `two_sided` is true,
-    // the stretch is compared with both flanks; otherwise, with two neighbouring parts of the lower flank.
+    // A stretch that is too close to an end of the spectrum for two complete flanks (the lines on either
+    // side). If `two_sided` is true, there are enough lines on both sides, and the stretch is compared with
+    // both. Otherwise it is compared with two neighbouring parts of the lower flank.
     struct AtAnEnd {
         Range own, near, other;
         bool two_sided;

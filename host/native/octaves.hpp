@@ -11,9 +11,9 @@
 
 namespace fltea {
 
-// Passes the samples that the gate has accepted on to the spectrum and to the Allan sums. The gate calls
-// accept() for consecutive samples, with the number of the first of them, and cut() where the stream has a
-// break.
+// Passes the samples that the gate (gate.hpp) has accepted on to the spectrum and to the Allan sums. The gate
+// calls accept() for consecutive samples, with the number of the first of them, and cut() where the stream
+// has a break.
 template <typename Number>
 struct AcceptedStream {
     explicit AcceptedStream(double memory) : ladder(memory), allan(memory), next_(0) {}
@@ -60,8 +60,8 @@ struct MotionCounts {
     std::uint64_t moved, motions;
 };
 
-// Spectrum and Allan sums of one axis, with the gate before them. `memory`: length of the memory [samples];
-// 0: nothing is forgotten.
+// Spectrum and Allan sums of one axis. The gate (gate.hpp) decides which samples are added. `memory`: length
+// of the memory [samples]; 0: nothing is forgotten.
 template <typename Number>
 class Octaves {
   public:

@@ -86,8 +86,9 @@ inline void set_filter_model(Joint<Number>& filters, int lane, const FilterModel
     set_lane(filters.P.bb, lane, filter_model.parameter_variance);
 }
 
-// An engine for one variant of the filters and one kind of memory. Its packs are stored one after another; a
-// pack is an object of class Lane, followed by the storage of its memory.
+// An engine for one variant of the filters and one kind of memory. The engine processes lanes (axes) in packs
+// of as many as fit into a vector register. The packs are stored one after another. Each is an object of
+// class Lane, whose numbers are vectors, followed by the storage of its memory.
 template <class Variant, class Kind>
 class Packs {
   public:
@@ -146,8 +147,8 @@ class Packs {
         }
     }
 
-    // For each pack, a snapshot contains the bytes of the pack's State, of the memory's Position, and of the
-    // memory's storage including the tables.
+    // For each pack of lanes, a snapshot contains the bytes of the filters (Lane::State), of the position in
+    // the memory of past states (Memory::Position), and of this memory's storage including the tables.
     std::size_t snapshot() const {
         return packs(shape_) * (sizeof(typename PackOfLanes::State) + sizeof(Position) +
                                 Kind::storage(shape_) * sizeof(Number));

@@ -1,4 +1,5 @@
-// Parses lines of text that are plain rows of numbers. The numbers are bit-identical to those of Python's
+// Parses lines of text that are plain: each field to read is a number, empty, or a word such as NA for a
+// missing value, and no field has quotes within it. The numbers are bit-identical to those of Python's
 // float(). Python parses all other lines (host/fltea/recording/text_numbers.py), so that the rules for
 // unusual lines exist only there.
 #pragma once
@@ -41,11 +42,11 @@ class PlainRows {
         return 1 + static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
     }
 
-    // Reads lines up to the first line that is not plain. All lines have to be complete; only the line end of
-    // the last one may be missing. Returns the position at which the first line that is not plain begins, or
-    // text.size() + 1 if all lines are plain. Blank lines and comments are skipped. The numbers are written
-    // to `values`, row by row. For each row, the index of its line, counted from zero, is written to `lines`.
-    // Both arrays need room for all lines.
+    // Reads lines up to the first one that is not plain (not an ordinary row of numbers; see the top of this
+    // file). All lines have to be complete; only the line end of the last one may be missing. Returns the
+    // position at which the first line that is not plain begins, or text.size() + 1 if all lines are plain.
+    // Blank lines and comments are skipped. The numbers are written to `values`, row by row. For each row,
+    // the index of its line, counted from zero, is written to `lines`. Both arrays need room for all lines.
     std::size_t read(std::string_view text, double* values, std::int64_t* lines) {
         const std::size_t width = form_.places.size();
         std::size_t begin = 0;
@@ -119,11 +120,12 @@ class PlainRows {
 
     bool is_end(char sign) const { return form_.separator ? sign == form_.separator : is_blank(sign); }
 
-    // Returns whether a line is plain. If it is, writes its numbers.
+    // Returns whether a line is plain, which means an ordinary row of numbers (see the top of this file). If
+    // it is, writes its numbers.
     bool row(std::string_view line, double* out) {
         fields_.clear();
-        // a plain line may not begin with another control character or a character beyond ASCII, because
-        // Python counts some of these characters as blanks
+        // a plain line may begin with a tab, but with no other control character and no character beyond
+        // ASCII, because Python counts some of these as blanks
         bool plain = line.front() == '\t' || is_ascii(line.front());
         for (std::size_t begin = 0, end = 0; begin < line.size(); begin = form_.separator ? end + 1 : end) {
             if (form_.separator) {

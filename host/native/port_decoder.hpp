@@ -26,7 +26,8 @@ class PortDecoder {
     // If this program itself was stalled for longer than this, missing bytes do not prove that the port was
     // silent.
     static constexpr std::int64_t kStallNs = 2 * kSecondNs;
-    // Largest number of ticks for one silence of the port. In a recording, a silence may last for days.
+    // Largest number of ticks (items that say that no bytes have come) for one silence of the port. In a
+    // recording, a silence may last for days.
     static constexpr std::int64_t kMostTicks = 120;
 
     explicit PortDecoder(const PortTimes& times) : times_(times), watch_(times) {}
@@ -56,7 +57,7 @@ class PortDecoder {
     }
 
     // Input: the bytes of `n` consecutive reads. The last read ends where the bytes end. If there was a
-    // silence between reads, there are ticks for it among the items.
+    // silence between reads, next() also returns ticks for it.
     void feed(const std::uint8_t* data, const PortRead* reads, std::size_t n, std::int64_t now_ns) {
         begin(data, reads, n, now_ns);
         tells_time_ = true;
@@ -81,7 +82,8 @@ class PortDecoder {
         }
     }
 
-    // Input: no bytes will come before the time `until_ns`. There are ticks among the items for this silence.
+    // Input: no bytes will come before the time `until_ns`. next() then returns ticks at regular times until
+    // then.
     void pass_time(std::int64_t until_ns) {
         drop();
         begin_ticks_before(until_ns);
@@ -246,14 +248,15 @@ class PortDecoder {
         check_is_due_ = true;
     }
 
-    // Returns the read of the present part that contained the last byte of a frame. `end`: offset just after
-    // that byte.
+    // Returns the read (one call of the system's read()) that brought the last byte of a frame. `end`: offset
+    // just after that byte, in the part of the input that is being decoded (next_part()).
     const PortRead* read_of(std::int64_t end) const {
         return std::lower_bound(reads_.data() + part_begin_, reads_.data() + at_, base_ + end,
                                 [](const PortRead& read, std::int64_t at) { return read.end < at; });
     }
 
-    // Writes the next item of the present part to `item`. Returns false at the end of the part.
+    // Writes the next item to `item`. Returns false at the end of the part of the input that is being decoded
+    // (next_part()).
     bool next_of_part(PortItem& item) {
         for (;;) {
             const bool is_last = other_ == found_.others.size();
@@ -285,8 +288,8 @@ class PortDecoder {
         if (row_ == stop) hand_run(stop);
     }
 
-    // Notes that the caller has received all samples from the last frame that was no SAMPLE to before the
-    // index `stop`.
+    // Notes that the caller has received all samples with an index below `stop` that came after the last
+    // frame of another type.
     void hand_run(std::size_t stop) {
         const std::size_t begin = other_ == 0 ? 0 : found_.others[other_ - 1].row;
         handed_ = {true, found_.samples[stop - 1].end, static_cast<std::int64_t>(stop - begin), Reason::none};

@@ -98,7 +98,7 @@ class PortStream {
     PortStop run(std::int64_t now_ns) {
         while (is_busy_) {
             if (held_ != PortStop::kNothing && !has_new_rows_) {
-                // the caller receives the rows of earlier samples before this stop
+                // before the caller learns of the stop `held_`, it receives the rows of earlier samples
                 if (rows_.rows() > 0) return PortStop::kRows;
                 if (held_ == PortStop::kItem && says_hello() && !reads_.reads.empty())
                     return PortStop::kReads;
@@ -212,7 +212,8 @@ class PortStream {
     bool is_busy_ = false, has_samples_ = false, is_lost_ = false;
     // what run() will return as soon as the caller has all earlier samples
     PortStop held_ = PortStop::kNothing;
-    // whether the rows of the newest run still have to be collected; whether these rows could not be printed
+    // whether the newest rows that the device has returned still have to be collected in `rows_`; whether
+    // these rows could not be printed
     bool has_new_rows_ = false, is_text_missing_ = false;
     bool is_unprinted_ = false;  // whether the rows that wait for the caller were not printed as text
 };

@@ -139,8 +139,9 @@ struct RealSpectrum {
     };
 
     // Records how the logarithm of the power of an octave's blocks changes over time. The first octave has
-    // the shortest blocks, so it shows changes at all time scales. Lower octaves show other changes than the
-    // first one. In lower octaves, changes are recorded only at the shortest time scales.
+    // the shortest blocks, so its changes are recorded at all time scales. A lower octave is another
+    // frequency band, whose power may change at other times. Its changes are recorded only at the shortest
+    // time scales, from one of its blocks to the next few.
     template <int kLines>
     class Cells : public TimeCells {
       public:

@@ -23,11 +23,10 @@ constexpr double kSlow = 6;
 // count as 0.
 constexpr double kRounding = 1e-9;
 
-// The slow part of a system. One of its steps takes the time of m samples, and its measurement is the mean of
-// these samples.
-// `of`: indexes of the n slow states in the whole system. The mean differs from what the states at the end of
-// the m samples give. This difference is the last state of the slow part, and has no memory from step to
-// step.
+// A system that describes means of m samples by the slow states of a noise model's system. One of its steps
+// takes the time of m samples, and its measurement is the mean of these samples. `of`: indexes of the n slow
+// states in the whole system. The states at the end of the m samples do not determine the mean alone. The
+// rest of the mean is an additional, last state, which is independent from step to step.
 struct Coarse {
     System<kMost> system;
     int n, of[kMost];
@@ -105,7 +104,8 @@ struct Sums {
     }
 };
 
-// Computes the slow part of a system. `m`: number of samples in a mean, a power of 2.
+// Computes from the system `s` of a noise model the system of its slow states (Coarse), which filters means
+// of m samples. `m` is a power of 2.
 inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
     System<kMost>& q = to.system;
     Sums sums(s);
@@ -118,8 +118,8 @@ inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
         if (is_slow(s, i, m)) to.of[n++] = i;
     }
     to.n = n;
-    // If there is no room for the last state of the slow part, its noise is treated as white and independent
-    // of the other states.
+    // If the slow states leave no room for the additional state (Coarse), its noise is treated as white and
+    // independent of the other states.
     const bool room = n < kMost;
     q.n = n + (room ? 1 : 0);
     q.pairs = 0;
@@ -289,9 +289,10 @@ inline bool is_covariance(const double* P, int n) {
     return true;
 }
 
-// Filters means of m samples each with the slow part of the system. x and P are the estimate and covariance
-// of the whole system's state before the means, and are replaced by those after them. `first`: number of the
-// first sample in the means. A mean whose samples contain a step of the bias is ignored.
+// Filters the queue `means`, whose entries are means of m samples, with the slow states of the system `s`
+// (Coarse). x and P are the estimate and covariance of the whole system's state before these means, and are
+// replaced by those after them. `first`: number of the first sample in the means. A mean whose samples
+// contain a step of the bias is ignored.
 template <int size>
 void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, std::int64_t first,
              const Steps& steps, double* x, double* P, Likelihood& fits) {
@@ -325,8 +326,8 @@ void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, 
         x_then[part.of[k]] = filter.x[k];
         for (int l = 0; l < n; ++l) P_then[part.of[k] * s.n + part.of[l]] = filter.P[k * all + l];
     }
-    // A pair of poles always counts as fast. If the pair is slow in fact, precision may be lost; the means
-    // are ignored then.
+    // A pair of poles always counts as fast. If it is slow in fact, so much precision may be lost that the
+    // result is invalid. x and P then stay as they were before the means.
     if (!is_finite(x_then, s.n) || !is_covariance(P_then, s.n)) return;
     std::memcpy(x, x_then, sizeof x_then);
     std::memcpy(P, P_then, sizeof(double) * std::size_t(s.n * s.n));

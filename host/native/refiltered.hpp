@@ -17,8 +17,9 @@ namespace track {
 
 class Refiltered {
   public:
-    // Largest number of samples that may come while the work is done. This number of samples does not yet
-    // push the newest of the copied samples out of the part of the memory that keeps samples singly.
+    // Largest number of samples that may come while the copied samples are filtered. The memory averages
+    // samples that are older than the newest Past::kSingle. After so few more samples, the newest copied
+    // sample is not yet averaged.
     enum { kMostToCome = Past::kSingle / 2 };
 
     // `steps`: a step test with the statistics of the innovations so far. `to_come`: number of samples that
@@ -37,10 +38,10 @@ class Refiltered {
     }
 
     const std::shared_ptr<TrackerModel>& model() const { return model_; }
-    // Whether the tracker's `memory` is what this work has assumed. Only the values of the samples that came
-    // meanwhile may differ.
+    // Whether the tracker's `memory` now holds the samples that were filtered here, followed by exactly
+    // `to_come` more, whose values may be any.
     bool expects(const Remembered& memory) const { return then_.is(memory, to_come_); }
-    // Filters the samples that came while the work was done.
+    // Filters the `to_come` samples that came after those that the constructor has filtered.
     void go_on(const Remembered& memory) { take(memory, memory.singles() - to_come_, memory.singles()); }
 
     // Whether the filters have only valid numbers. Call this after go_on().

@@ -53,8 +53,8 @@ struct Remembered {
         filter.start(&s, &map, P);
     }
 
-    // Filters the single samples from index `begin` to before `end`. Calls `tell` with each innovation
-    // divided by its standard deviation, or with NaN for an unknown sample.
+    // Filters the samples that are kept singly, from index `begin` to before `end`. Calls `tell` with each
+    // innovation divided by its standard deviation, or with NaN for an unknown sample.
     template <typename Tell>
     void filter_single(const System<kMost>& s, Kalman<kMost>& filter, int begin, int end,
                        refilter::Likelihood& fits, Tell tell) const {
@@ -71,7 +71,8 @@ struct Remembered {
         }
     }
 
-    // Number of samples that are kept singly: those in `past` and the recent ones.
+    // Number of samples that are kept singly, not as means of several: the single ones in `past` and the
+    // recent ones.
     int singles() const { return past.single().count() + kept; }
 
     // Appends a sample; NaN stands for an unknown sample. If the sample ends a chunk, call roll() next.
@@ -102,14 +103,15 @@ struct Remembered {
                 std::memcmp(recent, other.recent, sizeof(float) * std::size_t(recently)) == 0);
     }
 
-    // Marks the newest `count` samples as unknown, as far as they are kept singly.
+    // Marks the newest `count` samples as unknown, except those that are kept only within means. Forgets the
+    // steps of the bias at these samples.
     void forget(int count) {
         for (int i = kept - count < 0 ? 0 : kept - count; i < kept; ++i) recent[i] = __builtin_nanf("");
         if (count > kept) past.forget(count - kept);
         steps.forget(total - count);
     }
 
-    // Marks all samples as unknown and forgets the steps.
+    // Forgets the past and the steps of the bias, and marks the recent samples as unknown.
     void forget_all() {
         past.clear();
         steps.clear();
@@ -133,8 +135,8 @@ struct Remembered {
         return found;
     }
 
-    // Returns figures of the known ones of `count` samples that are kept singly, or of fewer if fewer are
-    // kept. The newest `but` samples are left out.
+    // Returns number, mean and variance of the known samples among the `count` samples before the newest
+    // `but` ones. If fewer samples are kept singly, those are used.
     KnownSamples known_samples(int count, int but = 0) const {
         const std::vector<double> all = newest(but + count);
         KnownSamples found = {0, 0, 0};

@@ -1,5 +1,5 @@
-// Processes all devices on serial ports in rounds. A round processes what has come from each port, as far as
-// that is possible before the caller has to do something.
+// Processes all devices on serial ports in rounds. A round processes what has come from each port, up to the
+// first thing that the caller has to handle, such as a new HELLO (PortStop).
 #pragma once
 
 #include <algorithm>
@@ -29,7 +29,7 @@ struct PrintedPart {
     std::size_t records;
 };
 
-// A text with the printed records of all devices that print in the same format.
+// A text with the printed records of all devices whose records are printed in the same format.
 struct Text {
     std::vector<char> bytes;
     std::vector<PrintedPart> parts;
@@ -98,7 +98,8 @@ class Round {
         std::int64_t latency_ns, tick_ns;  // `tick_ns`: time at which the port gets a tick if it stays silent
         bool has_ended = false;
         std::string fault = {};
-        // whether the caller was asked to do something for the port, after which bytes may still wait
+        // whether the round stopped at this port for the caller to do something; bytes of the port may still
+        // wait to be processed
         bool is_left = false;
     };
 

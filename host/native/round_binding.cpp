@@ -48,7 +48,8 @@ class Columns {
 };
 
 // Returns the fields of the Python class Rows: the arrival times; the columns of samples; and for each sensor
-// the columns of its tracker and those of its bank, or None.
+// the columns of its tracker and the columns of the algorithm's estimates. The estimates are None while the
+// sensor has none; a sensor without samples is None.
 nb::tuple as_tuple(const RunRows& rows) {
     const fltea::RunShape& shape = rows.shape();
     Columns columns(rows);
@@ -110,8 +111,10 @@ class Round {
     std::int64_t now_ns(std::size_t port) { return at(port).now_ns(); }
     std::int64_t overflow_bytes(std::size_t port) { return at(port).overflow_bytes; }
 
-    // Runs a round. Returns the printed texts and the events. Each text has its bytes, and for each device
-    // the arrival time and the number of its records. Each event has its port, its kind and its details.
+    // Runs a round: waits until one of the ports has bytes or is due, and processes what has come
+    // (fltea::Round::run). Returns the printed texts and the events. Each text has its bytes, and for each
+    // device the arrival time and the number of its records. Each event has its port, its kind and its
+    // details.
     nb::tuple run(double timeout_s) {
         happened_.clear();
         {

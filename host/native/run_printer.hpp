@@ -16,9 +16,10 @@ namespace fltea {
 
 class RunPrinter {
   public:
-    // `every`: only samples whose number is a multiple of this are printed. `weight`: number of records for
-    // which each printed sample counts. `shape`: the columns that rows need in order to be printed (RunShape,
-    // with Absent::kLeftOut). Throws std::invalid_argument for impossible arguments.
+    // `every`: only samples whose number is a multiple of this are printed. `weight`: number of records in
+    // the printed text of a sample. `shape`: the columns that a run must have in order to be printed (a
+    // RunShape without the sensors that have no samples). Throws std::invalid_argument for impossible
+    // arguments.
     RunPrinter(std::shared_ptr<const LinePrinter> lines, std::int64_t every, std::size_t weight,
                RunShape shape)
         : lines_(std::move(lines)), every_(every), weight_(weight), shape_(std::move(shape)) {

@@ -27,7 +27,8 @@ struct PlaceCounts {
     std::int64_t delivered, lost, gaps, duplicates, before_hello, rate_differs;
 };
 
-// The newest sample: its fields as received, and its number and time in the epoch.
+// The newest sample: its fields as received, and its number `seq` and its device time `epoch_us`, whose wraps
+// since the epoch began are undone.
 struct Newest {
     std::int64_t sequence, device_us, host_ns, seq, epoch_us;
 };
@@ -162,8 +163,8 @@ class SequenceTracker {
     }
     // Counts a sample that is rejected because the next HELLO has not come yet. If the HELLO is awaited
     // because number and time of an earlier sample disagreed, also compares number and time of this sample.
-    // If they go on to disagree in the same way, and the HELLO then shows the same device and rate, the
-    // device contradicts its HELLO.
+    // The next HELLO may show the same device and rate. If number and time of all these samples have
+    // disagreed in the same way, rate_differs() is true from then on.
     void note_before_hello(std::int64_t sequence, std::int64_t device_us) {
         ++counts_.before_hello;
         if (disagreed_) watch(sequence, device_us);

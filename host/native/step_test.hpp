@@ -5,7 +5,7 @@
 // about 30 / δ² samples to detect such a step (Lorden, Ann. Math. Statist. 42, 1971).
 //
 // Filters are never exactly correct. The sum of the innovations in a window is therefore compared with the
-// usual size of such sums in windows of the same length.
+// usual size of such sums: the running mean of the squares of earlier sums in windows of the same length.
 #pragma once
 
 #include <cmath>
@@ -73,8 +73,8 @@ class StepTest {
         suspected_ = StepSuspected{0, 0, 0};
     }
 
-    // Adds an innovation to the statistics of usual sums, without testing for steps. A new filter calls this
-    // for the remembered samples. The sums of innovations continue from one call to the next.
+    // Adds an innovation to the statistics of the usual size of sums of innovations, without testing for
+    // steps. A new filter calls this for the remembered samples. The sums continue from one call to the next.
     void take(double z) {
         const double used = louder(z);
         total_ += used;
@@ -88,8 +88,8 @@ class StepTest {
         }
     }
 
-    // Reduces the weight of earlier windows in the statistics of usual sums. Call this when the filter has
-    // changed.
+    // Reduces the weight of earlier innovations in the statistics of the usual size of their sums. Call this
+    // when the filter has changed.
     void relearn() {
         for (Level& level : levels_) {
             for (Window& one : level.windows) {
@@ -114,7 +114,8 @@ class StepTest {
     // step.
     static constexpr double kClip = 4;
     static constexpr double kPower = 1 / 64.0;
-    // In the statistics, the square of a sum is limited to this many times the usual square.
+    // In the statistics, the square of a sum of innovations is limited to this many times the mean of earlier
+    // squares.
     static constexpr double kOutlier = 9, kAnything = 100;
 
     // Statistics of the sums of innovations in windows of one length. `usual`: ratio of the mean square of
@@ -124,7 +125,7 @@ class StepTest {
         double usual;
         int count, since;
         bool has_last;
-        double last;  // sum of the innovations in that window with which `usual` was updated last
+        double last;  // sum of the innovations in the newest window that was added to the statistics
     };
 
     struct Suspect {
@@ -138,7 +139,7 @@ class StepTest {
         int at = 0, count = 0;
         Window windows[kWindows];
         Suspect suspect = {0, 0, 1};
-        // usual square of the sums in these windows or that in shorter windows, whichever is larger
+        // largest mean square of the sums of innovations in windows of any length, up to those of this level
         double absolute = 0;
 
         Level() {
@@ -216,12 +217,12 @@ class StepTest {
     StepSeen judge(int l, int size) {
         Level& level = levels_[l];
         level.suspect = Suspect{0, 0, 1};
-        // The usual sum in a longer window is taken to be at least as large as that in a shorter window. The
+        // The mean square of the sums in long windows is taken to be at least that in shorter ones. The
         // reason is that a spectral line cancels in windows that are as long as its period, but not in
         // shorter ones.
         double absolute = l == 0 ? 0 : levels_[l - 1].absolute;
-        // A window is skipped if it was already tested as blocks of the level below, which has shorter
-        // blocks.
+        // Levels differ in the length of their blocks. The shortest window is skipped above the lowest level,
+        // because the level below has tested a window of the same length, made of shorter blocks.
         for (int w = l == 0 ? 0 : 1; w < kWindows; ++w) {
             const int blocks = blocks_of(w);
             if (blocks > level.count || blocks * size > kLongest) break;
@@ -229,7 +230,8 @@ class StepTest {
             const double length = double(blocks) * size, sum = level.newest(blocks);
             const double square = sum * sum, beside = std::fmax(usual(l, w) * length, absolute);
             if (window.count >= kWeight) absolute = std::fmax(absolute, window.usual * length);
-            if (square > kEven * beside) {  // a step raises log L by more than kEven / 2
+            // a step raises log L by more than half of what makes it as likely as no step
+            if (square > kEven * beside) {
                 const double gain = square / (2 * beside);
                 if (gain > kSure) return found(level, size, blocks);
                 if (gain > level.suspect.gain && length >= kSuspected) {
@@ -242,8 +244,8 @@ class StepTest {
         return nothing();
     }
 
-    // Updates the usual mean square of the sums in windows of one length. Only windows that do not overlap
-    // are used.
+    // Updates the running mean square of the sums of innovations in windows of one length. Only windows that
+    // do not overlap are used.
     static void learn(Window& window, int blocks, int size, double sum, double outlier) {
         if (++window.since < blocks) return;
         window.since = 0;

@@ -49,8 +49,8 @@ class TimeCells {
         put(size_++, cell);
     }
 
-    // Merges the cells of a later part of the record into these. Sample 0 of that part is sample `shift` of
-    // this record.
+    // Appends the cells of a later part of the record. Sample 0 of that part is sample `shift` of this
+    // record.
     void merge(const TimeCells& other, std::uint64_t shift) {
         while (!forgets_ && each_ < other.each_ && each_ < kWidest) join_neighbours();
         for (int i = 0; i < other.size_; ++i) {

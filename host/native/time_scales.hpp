@@ -14,13 +14,14 @@ namespace fltea {
 template <int kScales>
 class TimeScales {
   public:
-    // `span`: After this number of values, all pairs so far become old pairs. After another `span` values,
-    // the old pairs are forgotten. If `span` is 0, nothing is forgotten.
+    // `span`: After this number of values, all pairs of groups so far become old pairs. After another `span`
+    // values, the old pairs are forgotten. If `span` is 0, nothing is forgotten.
     explicit TimeScales(std::uint32_t span = 0) : span_(span), waiting_(0) { clear(); }
 
     static int size() { return kScales; }
     double pairs(int s) const { return double(pairs_[s]) + double(old_pairs_[s]); }
-    // Mean of the contributions of all pairs, or 0 if there is no pair.
+    // Mean of 2^s d²/2 over all pairs of groups at scale s, where d is the difference of the two groups'
+    // means; 0 if there is no pair.
     double variance(int s) const {
         const double n = pairs(s);
         return n > 0 ? (sum_[s] + double(old_sum_[s])) / n : 0;
@@ -47,8 +48,8 @@ class TimeScales {
             old_sum_[s] += other.old_sum_[s];
             old_pairs_[s] += other.old_pairs_[s];
         }
-        // Where the first mean of a pair still waits for the second one, the waiting mean is added to these
-        // sums. The mean of the longest group of values comes first, because that group is the earliest.
+        // At some scales, `other` has the mean of a group of values whose second group is not complete. These
+        // means are added to this record's sums. The longest group comes first, because it is the earliest.
         for (int s = kScales - 1; s >= 0; --s) {
             if (other.waits(s)) add(s, other.first_[s]);
         }
@@ -94,13 +95,13 @@ class TimeScales {
         }
     }
 
-    double sum_[kScales];   // sum of the contributions of the pairs
-    float first_[kScales];  // first mean of a pair whose second mean is not complete yet
+    double sum_[kScales];   // sum of 2^s d²/2 over the pairs (variance())
+    float first_[kScales];  // mean of the first group of a pair whose second group is not complete yet
     std::uint32_t pairs_[kScales];
-    float old_sum_[kScales];  // sums as in sum_, over the `span` values before the present ones
+    float old_sum_[kScales];  // sum_ of the old pairs
     std::uint32_t old_pairs_[kScales];
     std::uint32_t span_;
-    std::uint32_t waiting_;  // one bit for each scale: whether first_ waits for a second mean
+    std::uint32_t waiting_;  // one bit for each scale: whether first_ has the mean of a first group
 };
 
 }  // namespace fltea

@@ -37,12 +37,13 @@ class TrackerModel {
         RiccatiMap<kMost> map;
         // negative logarithm of the probability of the system
         double unlikely = 0;
-        // forecasts of those means of samples with which the bias is checked
+        // forecasts of the means of the bias over the next `BiasLengths::checked` samples, with which the
+        // bias is checked
         MeanAhead<kMost> checked[BiasLengths::kChecks] = {};
     };
 
-    // `absolute`: whether the published state includes the origin of the samples. It has to if the state of
-    // this model has no mean of its own.
+    // `absolute`: whether the origin, which is subtracted from all samples, is added to the published state
+    // again. It is if the state includes a random walk, which has no fixed mean.
     explicit TrackerModel(bool absolute = false) : absolute_(absolute) {}
 
     // Makes the model from `systems`, which must have the same number of states. Returns null if no filter
@@ -76,9 +77,9 @@ class TrackerModel {
 
     static double unlikely(double weight) { return -std::log(std::fmax(weight, kLeast)); }
 
-    // Loads or saves the numbers of the model that come before those of its systems. visit_rival() does the
-    // same for one system. The forecasts for the bias checks are saved elsewhere, together with the results
-    // of these checks.
+    // Loads or saves (depending on the type of `io`) the numbers of the model that come before those of its
+    // systems. visit_rival() loads or saves one of the candidate systems. The forecasts for the bias checks
+    // are saved elsewhere, together with the results of these checks.
     template <typename Io>
     void visit_beginning(Io& io) {
         std::size_t count = rivals_.size();

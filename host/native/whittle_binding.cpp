@@ -118,9 +118,9 @@ class Fitted {
         return {std::move(eta), nll};
     }
 
-    // Returns the models white, null, plain, rich, pure, ordered and missing (Frontier in
-    // whittle_search.hpp). `last`: these seven models from an earlier search, which are only fitted again to
-    // the present bins; empty for a new search.
+    // Returns the seven models that a search finds, in the order white, null, plain, rich, pure, ordered,
+    // missing (explained in CandidateModels of host/fltea/spectrum/candidate_models.py). `last`: these seven
+    // models from an earlier search, which are only fitted again to the present bins; empty for a new search.
     std::vector<Raw> search(const std::vector<Raw>& last) {
         std::vector<FittedModel> before;
         for (const Raw& one : last) {

@@ -73,8 +73,9 @@ struct Bins {
         if (size()) lowest = lam[0];
         mean /= ordinates;
     }
-    // Makes bins without data at any frequencies, for computing the spectrum of noise parts. `read` selects
-    // the columns that these parts read.
+    // Makes bins at arbitrary frequencies that have no data, for computing the spectrum of noise parts.
+    // `read` selects which functions of the frequency are computed (enum Read); the parts must need no
+    // others.
     Bins(const Kernel& used, Numbers frequencies, unsigned read, double h)
         : kernel(&used),
           counts(frequencies.size()),

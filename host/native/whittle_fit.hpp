@@ -198,9 +198,10 @@ struct Patience {
     double converged = 1e-5;  // a step that lowers -log L by less than this counts as small
     // correlation times may be up to this many times the longest one that the spectrum can show
     double slowest = 1;
-    // If the data say so little of a parameter that its Fisher information is less than this, the parameter
-    // does not limit the length of a step, because its own change would be endless. A model search does not
-    // use this rule: with it, a relaxation would turn into a filter of one pole too soon.
+    // A parameter of which the data say little would change so much in a step that the step had to be
+    // shortened for all parameters. The step is therefore not shortened for parameters whose Fisher
+    // information is less than this. A model search does not use this rule: with it, the search would too
+    // readily take a relaxation for a low-pass of one pole.
     double nothing = 0;
 
     Patience() = default;

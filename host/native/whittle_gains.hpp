@@ -21,7 +21,7 @@ struct Candidate {
     Term term;
     double eta[3];
     Numbers shape, inverse;  // `inverse`: 1 / gain of a filter; empty for parts that are no filters
-    bool leaks;              // whether white noise is added behind the filter
+    bool leaks;              // only for a filter: whether white noise is added to its output
 };
 
 inline Candidate candidate(const Bins& bins, const Term& term, double a, double b, double c) {
@@ -52,9 +52,9 @@ inline Candidate leaking(const Bins& bins, Candidate filter) {
 }
 
 // `gain`: by how much adding a candidate to a model raises 2 log L. This follows from Rao's score with all
-// parameters of the model free. For a filter, it is the larger one of two figures: the rise of 2 log L by the
-// complete filter, and Rao's score for a small exponent of the filter's gain. `log_power`: logarithm of the
-// ratio of the added part's best power to the candidate's power.
+// parameters of the model free. If the candidate is a filter with the gain G, it is the larger one of two
+// figures: the rise of 2 log L by the filter, and Rao's score for filters G^ε with a small ε. `log_power`:
+// logarithm of the power of the candidate with which 2 log L rises most.
 struct Gain {
     double gain, log_power;
 };
@@ -156,7 +156,8 @@ constexpr double kNearlyOnePole = -4.0;
 // The candidates for noise parts. Each of them has the power 1.
 typedef std::vector<Candidate> Candidates;
 
-// Makes all candidates for one noise part, at the parameters that its row of the table states (Starts).
+// Makes all candidates for one noise part. Their parameters are those that the part's row in kTable
+// (whittle_parts.hpp) tells a search to begin with (Starts).
 class Trials {
   public:
     Trials(const Bins& bins, Candidates& into)

@@ -24,13 +24,13 @@ inline double without_white(Room& room, const Terms& terms, std::vector<double> 
 // this value. The interval of the parameter ends where the loss is `usual`. If the fit at the end has no
 // white noise, the interval ends where the loss is `at_bound`.
 struct Critical {
-    // if `usual` and `at_bound` are equal, it does not matter whether the fit has white noise
+    // if both are equal, fits without white noise are treated like all others
     double usual, at_bound;
 };
 
-// Fits the model with parameter i held, writes the best parameters to `eta`, and returns the loss. If the fit
-// has no white noise, the loss is scaled so that it is `critical.usual` at the end of the interval, too.
-// `nll`: -log L of the best fit of all.
+// Fits the model with parameter i held, writes the best parameters to `eta`, and returns the loss (Critical).
+// If the fit has no white noise, the loss is multiplied by usual / at_bound, so that it is `critical.usual`
+// at the end of every interval. `nll`: -log L of the best fit of all.
 inline double loss_of(Room& room, const Terms& terms, std::vector<double>& eta, double nll, int i,
                       const Critical& critical, const Patience& patience) {
     const double found = score(room, terms, eta.data(), i, patience);

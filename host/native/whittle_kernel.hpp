@@ -66,7 +66,8 @@ struct Kernel {
     // kMostFree). `slopes`: derivatives of log S by the parameters. `over`: work space of shape (size,).
     void (*derivatives)(const Columns& bins, const double* total, int free, const double* const* slopes,
                         double* over, double* gradient, double* information);
-    // For each of the `count` rows b, writes the sum Σ a b over all bins.
+    // For each of the `count` rows b in `rows`, writes its scalar product with a, which is the sum Σ a b over
+    // all bins.
     void (*dots)(std::size_t size, const double* a, int count, const double* const* rows, double* found);
     // Writes the products a b to `into`, which may be the same array as a or b.
     void (*times)(std::size_t size, const double* a, const double* b, double* into);

@@ -15,7 +15,7 @@ namespace fltea {
 namespace noise_models {
 
 // The fitted models that the null test compares: white noise, an order in white noise, and white noise that
-// has passed a high-pass (`missing`).
+// has passed a high-pass and so is missing at low frequencies (`missing`).
 struct NullTest {
     FittedModel white, order, missing;
 };

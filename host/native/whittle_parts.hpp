@@ -58,19 +58,17 @@ enum Part : int {
     // white noise that is added behind all filters, for example by rounding; parameter: log of its variance
     kFloor,
     // noise with an order d but no f, ARFIMA(1, d, 0) with φ = e^-rate and steps of variance s2; parameters:
-    // d, log of the rate, and log of s2 / (1 - φ)²
+    // d, log of that rate, and log of s2 / (1 - φ)²
     kArfima,
-    // the noise of kOrder with other parameters, so that a fit can hold F = g + α fixed; they are F, log(-g)
-    // and log s2
+    // as kOrder, but with the parameters F = g + α, log(-g) and log s2, so that a fit can hold F fixed
     kOrderByF,
-    // the noise of kOrder with other parameters, so that a fit can hold f = g / h^α fixed; they are α,
-    // log(-f) and log s2
+    // as kOrder, but with the parameters α, log(-f) with f = g / h^α, and log s2, so that a fit can hold f
+    // fixed
     kOrderByf,
-    // the noise of kOrder with another parameter, so that a fit can hold Q = s2 / h^2α fixed; parameters: α,
-    // logit(-g / 2^α), and log Q
+    // as kOrder, but with the parameters α, logit(-g / 2^α) and log Q with Q = s2 / h^2α, so that a fit can
+    // hold Q fixed
     kOrderByQ,
-    // the noise of kArfima with another parameter, so that a fit can hold the variance s2 of a step fixed;
-    // parameters: d, log of the rate, and log s2
+    // as kArfima, but with log s2 as the third parameter, so that a fit can hold the variance s2 fixed
     kArfimaByStep,
 };
 constexpr int kParts = kArfimaByStep + 1;
@@ -79,16 +77,16 @@ constexpr int kParts = kArfimaByStep + 1;
 // not say otherwise, the bounds follow from the data or are `low` and `high` in the part's row of the table.
 enum Value : int {
     kLevel,      // log of the variance of white noise
-    kPower,      // log of the power of a part
+    kPower,      // log of the power of a noise part
     kRate,       // log of h / τ, where h is the sampling period and τ the correlation time
     kPole,       // log of the rate of the part kArfima, whose coefficient φ is e^-rate
     kAlpha,      // an order, whose bounds are those of the fit
     kNumber,     // a parameter that is used as it is, without a transformation
-    kShape,      // a logit or a logarithm of a number, beyond whose bounds the spectrum hardly changes
+    kShape,      // a logit or a logarithm; beyond the bounds of this parameter, the spectrum hardly changes
     kFrequency,  // log of a frequency λ, at most log π + `high`
     kCorner,     // log of the square of a frequency λ, from the lowest frequency of the data to `high`
-    kMinusF,     // log(-f) for the f of an order (kOrderByf)
-    kNoise,      // log of the variance Q of an order (kOrderByQ)
+    kMinusF,     // log(-f), where f is that of the part kOrderByf
+    kNoise,      // log of Q, the variance that is a parameter of the part kOrderByQ
 };
 
 // The names that Python has for values of the enums. The compiler reports a value without a name
@@ -214,8 +212,9 @@ inline const char* name_of(Says says) {
 // At which values of its parameters a search tries a noise part (whittle_gains.hpp).
 enum Start : int {
     kNever,
-    kOnce,  // at a single point, because the power is the only parameter of the part
-    // at a list of values of one parameter: the one that follows the power, or the first one of a filter
+    kOnce,  // once: the power is the part's only parameter, and the search computes it
+    // once for each of a list of values, which are those of the parameter after the power, or of a filter's
+    // first parameter
     kListed,
     kCorners,
     kPeaks,
@@ -244,8 +243,8 @@ struct Row {
     Says says;
     unsigned columns;
     int most;  // largest number of parts of this kind in a model
-    // Number of further parameters of which a search tries many values, such as m of a mean. The criterion
-    // BIC counts them as free parameters, too.
+    // Number of parameters of which a search tries many values in addition to those that a fit changes, such
+    // as the number m of samples in a mean. The criterion BIC counts them as free parameters, too.
     int sought;
     Coordinates coordinates;
     Starts starts;

@@ -1,9 +1,10 @@
 // Searches for the noise models that describe a spectrum best. Noise parts are added to a model as long as
-// they raise 2 log L by more than the price of their parameters. After that, parts that no longer raise it as
-// much are removed. Three models are searched for in the same way. The first (`plain`) is the best model
-// without an order at the price of the criterion BIC. The second (`rich`) is the best model without an order
-// at a lower price, which is what a parameter gains by chance. The third (`ordered`) is the best model with
-// an order. Which of these models is believed is decided elsewhere (host/fltea/spectrum/verdict.py).
+// they raise 2 log L by more than the price of their parameters, a fixed amount for each. After that, parts
+// that no longer raise it as much are removed. Three models are searched for in the same way. The first
+// (`plain`) is the best model without an order at the price of the criterion BIC. The second (`rich`) is the
+// best model without an order at a lower price, which is what a parameter gains by chance. The third
+// (`ordered`) is the best model with an order. Which of these models is believed is decided elsewhere
+// (host/fltea/spectrum/verdict.py).
 #pragma once
 
 #include <algorithm>
@@ -18,16 +19,17 @@ namespace noise_models {
 
 struct Frontier {
     FittedModel white, null, plain, rich, pure,
-        ordered;  // `null`: an order up to 1 in white noise, the first alternative of the null test
+        ordered;  // `null`: an order up to 1 in white noise, with which the null test compares white noise
     FittedModel
-        // white noise that has passed a high-pass of one pole, which is the second alternative of the null
-        // test
+        // white noise that has passed a high-pass of one pole, the second model with which the null test
+        // compares white noise
         missing;
 };
 
 class Search {
   public:
-    // `apart`: the parts that are added only in a search of their own.
+    // `apart`: the noise parts that are added only in an additional search (kApart), because they imitate
+    // others.
     explicit Search(Bins& bins, std::vector<Part> apart = parts_with(kApart))
         : bins_(bins),
           bic_(std::log(bins.ordinates)),
@@ -97,7 +99,8 @@ class Search {
   private:
     static constexpr double kByChance = 3.0;  // a parameter raises 2 log L by this much by chance
     static constexpr double kRough = 1e-3;    // a rough fit ends when a step lowers -log L by less than this
-    // the same limit for a trial fit, whose -log L is only compared with that of other trial fits
+    // a trial fit ends when a step lowers -log L by less than this; its -log L is only compared with that of
+    // other trial fits
     static constexpr double kTrial = 0.1;
     static constexpr int kSteps = 60, kTrialSteps = 12;
     static constexpr int kMostParameters = 20;
@@ -113,7 +116,7 @@ class Search {
     struct Allowed {
         bool slow = true;  // whether noise parts that have a memory may be added
         bool only_low_pass = false;
-        bool apart = false;  // whether noise parts with the trait kApart may be added
+        bool apart = false;  // whether the noise parts `apart_` may be added, which imitate others
     };
 
     static std::vector<Part> orders() { return parts_with(kOrdered); }
@@ -212,8 +215,9 @@ class Search {
         if (cost(one, price) < cost(into, price)) into = one;
     }
 
-    // Returns the model `s` without the parts that raise 2 log L by less than their price. `only`: the parts
-    // that may be removed. If `only` is empty, all parts except orders may be removed.
+    // Returns the model `s` without the parts that raise 2 log L by less than `price` times the number of
+    // their parameters. `only`: the parts that may be removed. If `only` is empty, all parts except orders
+    // may be removed.
     FittedModel taken_away(FittedModel s, double price, const std::vector<Part>& only) {
         for (;;) {
             FittedModel next;
@@ -287,8 +291,8 @@ class Search {
         return s;
     }
 
-    // Returns the model with quantisation noise (kQuantised) in place of the part kRise at index i.
-    // Quantisation noise has one parameter less.
+    // Returns the model with quantisation noise (kQuantised) in place of the part at index i, which is noise
+    // whose power rises with the frequency (kRise). Quantisation noise has one parameter less.
     FittedModel as_quantised(const FittedModel& s, std::size_t i) {
         Terms terms = s.terms;
         std::vector<double> eta = s.eta;

@@ -28,7 +28,7 @@ inline void white(const Columns& b, const double* eta, double* part, double* con
     });
 }
 
-// Writes a spectrum that is `shape` times a power.
+// Writes the spectrum exp(eta[0]) · `shape`, where exp(eta[0]) is the power of the part.
 inline void scaled(const Columns& b, const double* shape, const double* eta, double* part,
                    double* const* slope) {
     const double power = exp(eta[0]);
@@ -208,8 +208,9 @@ inline void notch(const Columns& b, const double* eta, double* gain, double* con
         typedef decltype(one) T;
         const T sine = from<T>(b.square + i) / T(4.0), cosine = T(1.0) - sine, step = from<T>(b.spread + i);
         const T away = sine - T(square) * cosine, flat = sine * cosine;
-        // At a single frequency, the gain is A / (A + K), with A and K as below. It is averaged over the
-        // bin's frequencies, whose mean square distance from the bin's centre increases the mean of A by B.
+        // At a single frequency, the gain is A / (A + K): A grows with the distance from the notch, and K
+        // with the notch's width. The gain is averaged over the bin's frequencies, over which the mean of A
+        // is larger than at the bin's centre by B.
         const T A = away * away, B = flat * T(1 + square) * T(1 + square) * step;
         const T K = T(width * width) * flat, W = A + B + K;
         const T both = T(4.0) * A * B * K / (W * W * W), value = (A + B) / W - both, more = T(3.0) * both / W;
