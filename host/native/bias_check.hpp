@@ -18,7 +18,7 @@ class BiasCheck {
     struct Found {
         std::uint64_t pieces;
         // root mean square of the ratio of each difference to its expected standard deviation; about 1 if the
-        // standard deviation is right, NaN before the first piece of samples is complete
+        // standard deviation is right, NaN before the first check is complete
         double rms;
     };
 
@@ -36,8 +36,8 @@ class BiasCheck {
         skip();
     }
 
-    // Call this for a sample that is missing or shows motion. The pieces of samples that are in progress are
-    // dropped.
+    // Call this for a sample that is missing or shows motion. The sums of samples that are in progress are
+    // dropped, because a check needs consecutive samples at rest.
     void skip() {
         for (Piece& one : pieces_) one.ends = 0;
         count_ = 0;
@@ -79,12 +79,13 @@ class BiasCheck {
 
   private:
     struct Piece {
-        // `ends`: number of the sample with which the piece of samples in progress ends, or 0 if no piece is
-        // in progress
+        // `length`: number of consecutive samples whose mean is compared with the bias. `ends`: number of the
+        // sample at which the comparison in progress ends, or 0 if there is none
         std::int64_t length = 0, ends = 0;
         double bias = 0, variance = 1, sum_before = 0, squares = 0;
         std::uint64_t pieces = 0;
-        // for each candidate system of the noise model, how it predicts the mean of the piece
+        // for each candidate system of the noise model, how it forecasts the mean of the bias over these
+        // samples
         MeanAhead<kMost> ahead[TrackerModel::kRivals] = {};
     };
 

@@ -1,4 +1,5 @@
-// Loops over the bins of a spectrum in packs, for one instruction set (whittle_kernel.cpp).
+// Loops over the bins of a spectrum, for one instruction set (whittle_kernel.cpp). The loops process numbers
+// in packs, each of which is a vector register.
 #pragma once
 
 #include <cstddef>

@@ -238,8 +238,8 @@ class Device {
     }
 
     // Returns a tuple: the index of the run's first sample in the source; the columns of the samples; and a
-    // list with an entry for each sensor. The entry has the columns of its tracker and those of its bank (or
-    // None), or is None if the sensor has no samples.
+    // list with an entry for each sensor. The entry has the columns of the sensor's tracker and those of its
+    // filters' estimates (None while there are none), or is None if the sensor has no samples.
     nb::tuple columns_of(size_t begin, size_t end) const {
         const RunColumns& run = device_.run();
         nb::list sensors;

@@ -48,10 +48,11 @@ const fltea::engine::LaneSettings* settings_of(const Rows& settings, size_t lane
 void check_numbers(const char* name, const double* values, size_t rows, size_t lanes, const uint8_t* ignored,
                    double largest);
 
-// Raises ValueError unless the array has the shape (lanes, causes).
+// Raises ValueError unless the array `out`, for the counts of the guard, has the shape (lanes, causes).
 void check_counts(const Counts& out, const fltea::OwnedEngine& engine);
 
-// These two functions convert bytes to a Python bytes object, and a bytes object to bytes.
+// Converts a vector of bytes to a Python bytes object; data_of() returns the address of such an object's
+// bytes.
 nanobind::bytes as_bytes(const std::vector<unsigned char>& bytes);
 const unsigned char* data_of(const nanobind::bytes& bytes);
 

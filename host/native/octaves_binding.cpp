@@ -110,8 +110,9 @@ class Octaves : public fltea::SumsPart {
     }
 
     // Returns three things. First, a list with an entry for each level that has Welch sums: the sums of
-    // |FFT|^2, the number of blocks, and the effective number of blocks. Second, the samples that the lowest
-    // level still keeps singly (float32). Third, the lengths of the stretches of these samples (int32).
+    // |FFT|^2, the number of blocks, and the effective number of blocks. Second, the samples of the level
+    // below these, which are kept as they are, without sums (float32). Third, the lengths of the stretches of
+    // these samples (int32).
     nb::tuple spectrum(size_t lane) const {
         const Lane finished = finished_lane(lane);
         const Ladder& ladder = finished.ladder();

@@ -100,7 +100,8 @@ class Past {
         single_.clear();
         for (Newest<kMeans>& one : means_) one.clear();
     }
-    // Whether all numbers equal those of `other`, apart from the newest `but_newest` single samples.
+    // Whether all means and all samples that are kept singly equal those of `other`, apart from the newest
+    // `but_newest` samples.
     bool is(const Past& other, int but_newest) const {
         for (int i = 0; i < kLevels; ++i) {
             if (!means_[i].is(other.means_[i], 0)) return false;
@@ -111,7 +112,7 @@ class Past {
     // are.
     void forget(int newest) { single_.forget(newest); }
     const Newest<kSingle>& single() const { return single_; }
-    // The queue of means over kGroup^(level + 1) samples each.
+    // The queue of means, each over kGroup^(level + 1) samples.
     const Newest<kMeans>& means(int level) const { return means_[level]; }
 
     template <typename Io>

@@ -37,14 +37,16 @@ struct PortItem {
     const std::uint8_t* bytes = nullptr;  // payload of a frame, or a bad block as received
     std::size_t size = 0;
     PortTrouble trouble = PortTrouble::none;
-    std::int64_t unread_bytes = 0;  // only for the trouble no_valid_frame
-    bool is_news = false;           // only for kRefusedVersion: whether the refusal has to be reported
+    // only for the trouble no_valid_frame: bytes since the last readable frame
+    std::int64_t unread_bytes = 0;
+    bool is_news = false;  // only for kRefusedVersion: whether the refusal has to be reported
 };
 
 // Counts of what the caller received from a port, and of frames and bytes that could not be used.
 struct PortCounts {
     std::int64_t bytes = 0, frames = 0, connections = 0;
-    // frames that were not interpreted: HELLOs of another protocol version, and frames after such a HELLO
+    // frames that were not interpreted: HELLOs of another protocol version, and all frames after a HELLO that
+    // was refused
     std::int64_t refused = 0;
     struct Bad {
         Reason reason;

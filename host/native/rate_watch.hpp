@@ -37,7 +37,8 @@ class RateWatch {
         has_last_ = true;
         const bool is_usable = step >= 1 && step <= kLargestStep && step_us > 0;
         const bool is_alike = pairs_ == 0 || std::llabs(step_us * steps_ - us_ * step) * 2 <= us_ * step;
-        // this happens after a restart or a stall of the device, or if its time stamps come in bursts
+        // the check begins again after a restart or a stall of the device, or if its time stamps come in
+        // bursts
         if (is_first || !is_usable || !is_alike) {
             pairs_ = steps_ = us_ = 0;
             return kUnknown;

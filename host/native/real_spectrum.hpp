@@ -103,8 +103,8 @@ struct RealSpectrum {
         return std::isinf(least) ? 0 : least;
     }
 
-    // Returns a sample minus the origin. Values beyond those of any sensor are clipped, so that they do not
-    // become infinite in a float.
+    // Returns a sample minus the origin, a value that is subtracted from all samples up to the next break.
+    // Values beyond those of any sensor are clipped, so that they do not become infinite in a float.
     static Number value(double y, double origin) {
         const double apart = y - origin, most = kLargest;
         return Number(apart > most ? most : apart < -most ? -most : apart);

@@ -14,7 +14,8 @@ class RunRows {
   public:
     bool takes(const Device& device) const { return rows_ == 0 || shape_ == shape_of(device, Absent::kZero); }
 
-    // Appends rows of the newest run with their arrival times.
+    // Appends rows of the newest run of `device` (the samples that it processed together last) with their
+    // arrival times.
     void append(const Device& device, const std::int64_t* arrived_ns, std::size_t begin, std::size_t end) {
         if (rows_ == 0) {
             shape_ = shape_of(device, Absent::kZero);
@@ -51,7 +52,7 @@ class RunRows {
     // Arrival time of the first row that waits to be fetched.
     std::int64_t first_ns() const { return first_ns_; }
     // Number of columns. The arrival times come first, then the columns of the samples, then for each sensor
-    // the columns of its tracker and of its bank.
+    // the columns of its tracker, and those of its filters' estimates if it has any.
     std::size_t columns() const { return next_; }
     const std::vector<char>& column(std::size_t i) const { return columns_[i]; }
 

@@ -58,7 +58,7 @@ struct Sensor {
     BankPart* bank = nullptr;  // null if no filters run
     // for each axis, whether its fit is not accepted yet; until then its innovations do not count as white
     std::vector<bool> waits;
-    std::size_t window_left = 0;  // number of rows until the bank's start-up window is full
+    std::size_t window_left = 0;  // number of rows until the start-up window of `bank` is full
 
     // Copies the values of this sensor's axes (`places`) from n rows of samples to `y`. Returns false if a
     // value exceeds kLargestSample or an axis does not exist.

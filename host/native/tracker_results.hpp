@@ -1,4 +1,4 @@
-// What the tracker of an axis tells of the samples.
+// The results of the tracker of an axis, which estimates the axis's bias.
 #pragma once
 
 #include <cstdint>

@@ -125,7 +125,8 @@ class Whiteness {
         to.normalised += from.normalised;
     }
 
-    // sums over complete blocks of a hundred innovations; the oldest block comes first
+    // sums from which the statistics are computed, for each complete block of a hundred innovations, oldest
+    // block first
     Sums blocks_[kBlocks];
     Sums now_;
     int kept_ = 0;

@@ -57,7 +57,8 @@ inline void relaxation(const Columns& b, bool mirrored, const double* eta, doubl
     });
 }
 
-// Order α and feedback g of a part, and the derivatives of both by the part's first two free parameters.
+// Order α and parameter g = h^α f of a part with an order, and the derivatives of both by the part's first
+// two free parameters.
 struct Order {
     double alpha, g, by[2][2];
 };
