@@ -42,8 +42,9 @@ class AxisTracker {
 
     // Whether any sample has arrived yet.
     bool has_begun() const { return has_origin_; }
-    // State vector after the newest sample. It describes samples minus the origin. If the noise model has two
-    // candidate systems, the state is that of the likelier one. Without a model the vector is empty.
+    // State vector after the newest sample. It describes samples minus the origin, which is the known offset
+    // or the first sample. If the noise model has two candidate systems, the state is that of the likelier
+    // one. Without a model the vector is empty.
     const double* x() const { return filter_.x(); }
     int size() const { return filter_.size(); }
     double origin() const { return origin_; }

@@ -55,7 +55,7 @@ struct RealSpectrum {
     template <int kLines>
     using Sums = FadingSums<kLines>;
     enum { kLevels = kMostLevels, kCapacity = kMostKept, kMostMadeUp = 64 };
-    static constexpr double kLargest = 1e19;  // largest magnitude of a sample minus the origin
+    static constexpr double kLargest = 1e19;  // largest magnitude of what value() returns
 
     static double input(double y) { return y; }
     static double root(double x) { return std::sqrt(x); }

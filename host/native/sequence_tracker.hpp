@@ -163,8 +163,8 @@ class SequenceTracker {
     }
     // Counts a sample that is rejected because the next HELLO has not come yet. If the HELLO is awaited
     // because number and time of an earlier sample disagreed, also compares number and time of this sample.
-    // The next HELLO may show the same device and rate. If number and time of all these samples have
-    // disagreed in the same way, rate_differs() is true from then on.
+    // If numbers and times go on to disagree in the same way until the next HELLO, and this HELLO shows the
+    // same device and rate, rate_differs() becomes true.
     void note_before_hello(std::int64_t sequence, std::int64_t device_us) {
         ++counts_.before_hello;
         if (disagreed_) watch(sequence, device_us);
