@@ -74,7 +74,7 @@ def in_python(text: str) -> str:
 
 
 def _call(command: str) -> str | None:
-    """Return the Python call for an `fltea identify` command in a message.
+    """Return the Python call that does the same as an `fltea identify` command in a message.
 
     `command`: the text that follows `fltea identify` in the message, up to the end of the line.
 

@@ -152,8 +152,8 @@ def examine(
         h: sampling period [s].
         options: how to identify.
         known: findings about the whole recording that concern the axis.
-        left_out: steps and motion to leave out. None: no model is known yet, so samples that look like motion
-            are left out.
+        left_out: steps and motion to leave out. None: the tracker, which finds them, has not run yet; then
+            samples that look like motion are left out.
     """
     analysis, series, out, telegraph = analyse_series(series, h, options, left_out)
     fltea_axis(analysis, series.lsb, options).why_not(h)

@@ -151,10 +151,7 @@ def summarise(
 def _open(
     paths: Sequence[Path], limits: Limits, how: How
 ) -> "tuple[McapRecording | ReplaySource, McapRecording | None, list[Path], str]":
-    """Return the recording, the recording again or None, its files, and its name.
-
-    The second value is the recording again if fltea wrote it, else None.
-    """
+    """Return the recording, the same recording if fltea wrote it (else None), its files, and its name."""
     if len(paths) == 1 and is_one_file(paths[0]):
         return ReplaySource(paths[0], how=how, limits=limits), None, list(paths), str(paths[0])
     mcap = open_mcap(paths, str(paths[0]), limits)()

@@ -73,9 +73,8 @@ def _check(file: File, about: Mapping[str, Any]) -> None:
     has_grown = (
         file.protocol == "file" and size is not None and size > file.size >= 0
     )  # a local file that only grew still has the listed bytes
-    known = {
-        _bare(str(about[key])) for key in STAMPS if about.get(key)
-    }  # the stamp is one of the facts that the listing gave; `about` may hold further ones
+    # The listing kept one of these values as the stamp of the content; `about` may hold several of them.
+    known = {_bare(str(about[key])) for key in STAMPS if about.get(key)}
     is_other = bool(file.stamp and known) and _bare(file.stamp) not in known
     if (is_other and not has_grown) or (size is not None and 0 <= size < file.size):
         raise changed(file)

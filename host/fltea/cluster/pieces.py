@@ -26,7 +26,7 @@ def cuts_of(file: File, ask: Ask) -> list[Cut]:
         OSError: the file is not readable now; its file system may raise other errors.
     """
     if file.size <= ask.block_bytes or (file.protocol in WEB and not file.stamp):
-        return []  # without a stamp, two answers may come from different contents of the file
+        return []  # without an entity tag or date, the server may take two pieces from different contents
     with open_bytes(file) as stream:
         source = Ranges(file, stream)
         if file.protocol in WEB and not source.are_there():

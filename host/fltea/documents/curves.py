@@ -45,7 +45,7 @@ def allan_labels(unit: str) -> tuple[str, str]:
 
 
 def coefficients(a: FitAllan, labels: Mapping[str, str] | None = None) -> list[Curve]:
-    """Return the straight lines of those of N, B and K that are known, each near the curve.
+    """Return a straight line in the Allan plot for each of N, B and K that is known, only near the curve.
 
     `labels`: texts for the legend, by name.
     """

@@ -45,11 +45,11 @@ class Inflation(NamedTuple):
     """Sentences that explain the factors for single axes."""
 
     def densities(self, axes: Iterable[str]) -> dict[str, float]:
-        """Return the factor of the noise density of each axis."""
+        """Return the factor by which the noise density N of each axis is multiplied in the file."""
         return {axis: self.of_axes.get(axis, self.density) for axis in axes}
 
     def walks(self, axes: Iterable[str]) -> dict[str, float]:
-        """Return the factor of the random walk of each axis."""
+        """Return the factor by which the random walk K of each axis is multiplied in the file."""
         return {axis: self.of_axes.get(axis, self.random_walk) for axis in axes}
 
 
@@ -162,7 +162,7 @@ def _entry(
 
 
 def _at_most(found: Mapping[str, Shown], scale: float) -> Iterator[str]:
-    """Yield a comment with the largest of the axes' upper bounds of a figure (N or K) that no axis has."""
+    """Yield a comment with the largest upper bound over the axes, for a figure whose value no axis knows."""
     bounds = [one.at_most for one in found.values() if one.at_most is not None]
     if bounds:
         yield f"at most {scale * max(bounds):.2e}, with 95 % probability"

@@ -46,7 +46,7 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.scale * math.pow(figure * math.sqrt(self._rate(rate_hz, step_s)), self.power)
 
     def figure_of(self, value: float, rate_hz: float, step_s: float | None) -> float:
-        """Return the figure for which the parameter's value is `value`: the inverse of the method `value`."""
+        """Return the noise figure for a value of the parameter. The method `value` does the opposite."""
         return math.pow(value / self.scale, 1 / self.power) / math.sqrt(self._rate(rate_hz, step_s))
 
     def _rate(self, rate_hz: float, step_s: float | None) -> float:

@@ -211,7 +211,7 @@ class Postgres:
                 connection.execute("INSERT INTO fltea_fleet VALUES (%s)", (SCHEMA_VERSION,))
 
     def cause(self, error: Exception) -> tuple[str, str]:
-        """Return the kind of an error, and a question for the user, as `Sqlite.cause` does."""
+        """Return the kind of an error, and a question that tells the user what to check."""
         code = getattr(error, "sqlstate", None) or ""
         kind, question = SAYS.get(code) or SAYS.get(code[:2]) or ("history_lost", "is the server away?")
         return kind, f"{question} It is tried again."
@@ -248,7 +248,7 @@ class Postgres:
         """
         try:
             (status,) = connection.execute("SELECT txid_status(%s)", (number,)).fetchone()
-        except self.of_a_row:  # this is another server, whose transactions have not reached that number
+        except self.of_a_row:  # the number is higher than any on this server, so it is another server
             return False
         if status == "in progress":
             raise self._library.OperationalError("the transaction that was written last is still under way")

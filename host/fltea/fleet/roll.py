@@ -27,7 +27,9 @@ SILENT_S = 90.0
 """A sensor is silent if no message came for this time [s]; a daemon publishes its status every 30 s."""
 
 CANDIDATE_S = 120.0
-"""Time after which a name that has not become a sensor is dropped [s]."""
+"""A name is a candidate until enough messages came under it; then it is a sensor. A candidate is dropped
+after this time [s].
+"""
 
 WITHOUT_FIT_S = 3600.0
 """Silence after which a sensor that never sent a fit is dropped [s]."""
@@ -78,26 +80,29 @@ class MessageRate:
 
 @dataclass(slots=True)
 class FitNumbers:
-    """The numbers (epoch and sample) of the fits that came under one name. `count`: number of new fits."""
+    """The fits that came under the name of one device.
+
+    `count`: how many. A fit's number is the number of the epoch, and of the last sample in it.
+    """
 
     count: int = 0
     _newest: tuple[int, int] = (-1, -1)
     _decreases: deque[float] = field(default_factory=lambda: deque(maxlen=TWINS))
-    """Times at which the newest decreases of the number were seen."""
+    """Times at which a fit came whose number was smaller than that of the fit before."""
 
     def is_newest(self, number: tuple[int, int]) -> bool:
         """Return whether the newest fit has this number."""
         return number == self._newest
 
     def take(self, number: tuple[int, int], now: float) -> None:
-        """Count a new fit with this number."""
+        """Count a new fit. `number`: numbers of its epoch and of its last sample. `now`: when it came [s]."""
         if number < self._newest:
             self._decreases.append(now)
         self._newest = number
         self.count += 1
 
     def begin_again(self) -> None:
-        """Expect small numbers, since the device has restarted."""
+        """Do not count the next fit as a decrease of the numbers, since the device has restarted."""
         self._newest = (-1, -1)
 
     def has_twin(self, now: float) -> bool:

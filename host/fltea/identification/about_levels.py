@@ -85,7 +85,7 @@ def _analysed_part(rest: Series, whole: Series, telegraph: Telegraph | None, out
 
 
 def _with_levels(verdict: Verdict, telegraph: Telegraph, unit: str) -> Verdict:
-    """Return the verdict on samples whose levels were subtracted, with the levels described in its text."""
+    """Return the verdict with a description of the telegraph levels that were subtracted from the samples."""
     what = f"{telegraph_words(telegraph, unit)} About the levels: {verdict.what}"
     then = (
         f"In a navigation filter the levels are a Gauss–Markov process of σ {telegraph.sigma:.2g} {unit} and "

@@ -221,8 +221,8 @@ def identified(
 ) -> AxisResult:
     """Identify an analysed axis, and run FLTEA over its longest part without a restart.
 
-    The result is still without the shuffled copies, which `with_copies` adds. They take most of the time, so
-    other processes may compute them.
+    `with_copies` adds later what FLTEA estimates for shuffled copies of the samples, which are white noise.
+    The copies take most of the time, so other processes may compute them.
 
     Args:
         analysis: the analysed axis.

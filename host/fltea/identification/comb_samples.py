@@ -27,14 +27,15 @@ STANDS_OUT = 4.0
 errors from the usual mean.
 """
 MARGIN = 1
-"""Number of phases that are added to a glitch on each side, since it may begin between two samples."""
+"""A glitch is widened by this number of phases (positions within the period) on each side, since it may begin
+between two samples.
+"""
 LEAST_SIGN, NEARLY_ALL = 3.3, 0.85
 """Thresholds for the number of periods that show the average pattern.
 
-More than half of the periods must show the pattern. Their number must exceed half of the periods by at least
-LEAST_SIGN standard deviations of a number that arises by chance. If there are few periods, even all of them
-may not exceed half by so much. Then the fraction NEARLY_ALL of the excess that all periods would give is
-enough.
+Of n periods, more than half must show the pattern. By chance their number would be n/2, with a standard
+deviation of √n/2. The number must exceed n/2 by more than LEAST_SIGN of them. With few periods this may be
+more than n/2; an excess of more than NEARLY_ALL n/2 is always enough.
 """
 SEEN = 12.0
 """A harmonic belongs to the wave if its power is more than this many times the noise's power.

@@ -151,11 +151,11 @@ def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOp
 def _baselines(
     window: Array, bias: float, R: float, config: EstimatorConfig, lsb: float | None
 ) -> tuple[Array, Array]:
-    """Return bias and R for the data and for each copy, all from their own start-up windows."""
+    """Return bias and R for the samples and for each shuffled copy, from a start-up window of its own."""
     if not window.shape[1]:
         return np.array([bias]), np.array([R])
     biases, Rs = lane_baselines(window, config, lsb)
-    # If the data hardly ever change, a copy may happen to be constant.
+    # If the samples hardly ever change, the window of a shuffled copy may be constant.
     Rs = np.maximum(Rs, 1e-6 * R) if config.R == "auto" else Rs
     return np.append(bias, biases), np.append(R, Rs)
 

@@ -51,7 +51,10 @@ def meaning(kind: str, axis: AxisReport) -> str:
 
 
 def _rest(seconds: float) -> str:
-    """Format a duration with three digits, so that it differs visibly from half of it."""
+    """Format a duration with three digits.
+
+    One sentence shows a duration and its half, which must not look equal.
+    """
     limits = ((600, 1, "s"), (7200, 60, "min"), (math.inf, 3600, "h"))
     size, unit = next((size, unit) for limit, size, unit in limits if seconds < limit)
     return f"{seconds / size:.3g} {unit}"

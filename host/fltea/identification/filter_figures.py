@@ -26,7 +26,9 @@ LONG_S = 4 * 3600.0
 This time is much longer than a filter runs without new samples at rest.
 """
 NEGLIGIBLE = 0.1
-"""K is negligible if it is at most this many times the K of the random walk that replaces the slow states."""
+"""The filter's own random walk is negligible if its K is at most this many times the K of the random walk
+that replaces the filter's slow Gauss–Markov states.
+"""
 WITHOUT_SLOW = ("white", "line", "resonance", "line or resonance", "comb")
 """Verdicts on noise that has no slow component."""
 UP_TO_S = 60.0

@@ -360,7 +360,7 @@ class _Drift:
             self._counts[i] += len(part)
 
     def value(self) -> float | None:
-        """Return the drift, or None if a half has no finite value."""
+        """Return the drift, or None if one half of the samples has no finite value."""
         if not all(self._counts):
             return None
         first, second = (total / count for total, count in zip(self._sums, self._counts, strict=True))

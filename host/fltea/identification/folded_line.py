@@ -22,7 +22,9 @@ With a smaller ratio, the hump near 0 cannot be told from the white noise.
 EDGE = 1.1
 """The hump near frequency 0 ends where the spectral density is this multiple of the white noise's density."""
 WIDEST = 0.3
-"""The hump near frequency 0 may cover at most this proportion of the frequency range."""
+"""The hump that the aliased line makes near frequency 0 may cover at most this proportion of the frequency
+range.
+"""
 ON_ITS_SHOULDER = 0.1
 """The aliased line makes a hump in the spectrum near frequency 0. The hump's main part ends where the density
 has fallen to this proportion of the density near frequency 0.
@@ -31,11 +33,13 @@ The ratio of moments is computed from averages of a few samples each. The averag
 keep oscillations of the frequency at which the main part ends.
 """
 AVERAGED = 6
-"""Number of averages of samples in one period of the fastest oscillations in the hump's main part
-(`ON_ITS_SHOULDER`).
+"""Successive samples are averaged in groups. One period of the oscillation at which the hump's main part ends
+(`ON_ITS_SHOULDER`) holds this number of groups.
 """
 PARTS = 16
-"""Number of parts into which the record is divided, to find the error of the ratio of moments."""
+"""Number of parts into which the record is divided, to find the standard error of the ratio of the fourth
+moment to the squared second moment.
+"""
 FEWEST_PERIODS = 100
 """The record must hold at least this many periods of the fastest oscillations in the hump's main part
 (`ON_ITS_SHOULDER`).

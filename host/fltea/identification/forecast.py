@@ -114,7 +114,7 @@ def _questions(asked: Asked) -> Sequence[Goal | Drive]:
 
 
 def goal_of(text: str) -> Goal:
-    """Return the goal that `DEG@SECONDS` stands for.
+    """Return the goal of `--rest-for DEG@SECONDS`: a heading error of at most DEG, SECONDS after a rest.
 
     Raises:
         UsageError: the text is not a goal.
@@ -129,7 +129,9 @@ def goal_of(text: str) -> Goal:
 
 
 def drive_of(text: str) -> Drive:
-    """Return the drive that `DEG@SECONDS` stands for, where the seconds are the time at rest before it.
+    """Return the drive of `--drive-for DEG@SECONDS`: it lasts until the heading error exceeds DEG.
+
+    SECONDS is the time at rest before the drive.
 
     Raises:
         UsageError: the text is not a drive.
@@ -181,9 +183,10 @@ class Forecast(msgspec.Struct, frozen=True):
     """
     drive: Drive | None = None
     drive_s: float | None = None
-    """Time for which the heading is good after the rest that `drive` states [s].
+    """Time after a rest of `drive.rest_s` seconds for which the heading's 95 % error stays within
+    `drive.within` [s].
 
-    Null if no drive is asked for, or if the heading is good for more than an hour.
+    Null if no drive is asked for, or if the error stays within for more than an hour.
     """
     after_s: float = 0.0
     """Time at rest before the forecast begins [s].
@@ -204,14 +207,14 @@ def found(
 ) -> tuple[Now | None, Forecast | None]:
     """Return the bias at the end of the recording and, if `first` is given, the forecast.
 
-    Each of the two is None if no filter works with the noise.
+    Each of the two is None if no Kalman filter can be made for the noise.
 
     Args:
         tracked: the state-space model of the noise in all of y.
         y: samples without a gap, (n,).
         h: sampling period [s].
         unit: unit of y.
-        first: a function that fits such a model to the samples it is called with.
+        first: a function that fits a state-space model to the first half of y. None: no forecast.
         asked: the questions that the forecast has to answer.
         at_end: the bias after the last sample of the recording. None: the mean of y is used.
     """
@@ -294,7 +297,7 @@ def with_goal(found: Forecast, model: System, h: float, goal: Goal, unit: str) -
 
 
 def with_drive(found: Forecast, model: System, h: float, drive: Drive, unit: str) -> Forecast:
-    """Return the forecast with the time for which the heading is good enough for the question in `drive`."""
+    """Return the forecast with the time until the heading's 95 % error exceeds `drive.within`."""
     drive_s = drive_for(model, h, drive.rest_s, drive.within / NORMAL_95)
     if drive_s is None:
         time = "for more than an hour"
@@ -361,8 +364,8 @@ def _of_heading(pieces: Sequence[Piece], unit: str) -> str:
 def _of_bias(pieces: Sequence[BiasPiece], unit: str) -> str:
     """Return a sentence on the forecast of the bias.
 
-    The sentence is on the T at which Bias(T) fails worst or, if it never fails, on the longest T up to
-    `BIAS_S`.
+    If the predicted Bias(T) fails the test for some T, the sentence is on the T with the largest deviation.
+    Otherwise it is on the longest T up to `BIAS_S`.
     """
     failed = _worst(pieces)
     one = failed or max((one for one in pieces if one.t_s <= BIAS_S), key=lambda one: one.t_s)

@@ -42,8 +42,8 @@ NODES_WEIGH = NODES_WEIGH / NODES_WEIGH.sum()
 GROWTH = 1.1
 """The covariance of the state x is computed anew when the time at rest has grown by this factor."""
 LEARNT = 4
-"""The tails of the errors' distribution are estimated from forecasts in the first half, from 1 / LEARNT of
-its length on.
+"""The tails of the errors' distribution are estimated from forecasts in the first half of the recording,
+without the first 1 / LEARNT of that half.
 """
 HELD = 0.95
 """Proportion of the pieces whose errors have to be inside a 95 % band."""
@@ -86,11 +86,15 @@ class BiasPiece(msgspec.Struct, frozen=True):
     pieces: int
     """Number of pieces; none overlaps another."""
     bias_std: float
-    """σ: standard deviation of the bias's mean over `t_s` from Bias(t_s)."""
+    """Predicted standard deviation σ of the difference between Bias(t_s) and the bias's mean over the next
+    `t_s`.
+    """
     noise_std: float
     """N/√t_s: standard deviation that white noise leaves in a mean over `t_s`."""
     said: float
-    """Predicted standard deviation of the rate's mean from Bias(t_s): `bias_std` and `noise_std` together."""
+    """Predicted standard deviation of the difference between the rate's mean and Bias(t_s): `bias_std` and
+    `noise_std` together.
+    """
     seen: float
     within: float
     """Proportion of the pieces whose errors are inside the predicted 95 % band."""
@@ -133,9 +137,10 @@ class Forecasts(NamedTuple):
     bias: Ahead
 
     def mean_std(self, system: System, P: Array, h: float) -> float:
-        """Return the predicted standard deviation of the samples' mean from Bias(T).
+        """Return the predicted standard deviation of the difference between the samples' mean and Bias(T).
 
-        Bias(T) does not include noise outside the bias, even if the filter could predict some of that noise.
+        Bias(T) predicts only the bias. Other noise, such as a resonance, counts in full, although the filter
+        could predict some of it.
         """
         of_all, of_bias = self.heading.row / (self.n * h), self.bias.row
         of_noise = of_all - of_bias
@@ -165,7 +170,7 @@ class Errors(NamedTuple):
 
     @property
     def needed(self) -> float:
-        """Least factor by which the 95 % band has to be widened to contain 95 % of the pieces."""
+        """Least factor by which the 95 % band has to be widened to contain 95 % of the pieces' errors."""
         ranked = np.sort(np.sqrt(self.squares))
         return float(ranked[math.ceil(len(ranked) * HELD) - 1]) / NORMAL_95
 
@@ -269,7 +274,7 @@ def _estimates(model: System, y: Array, begin: int, m: int) -> tuple[Array, Arra
 
 
 class Doubt(NamedTuple):
-    """The uncertainty of a forecast's variance.
+    """The uncertainty of the predicted variance of an error (of heading or bias).
 
     The variance may be wrong by each of `factors`, with the probabilities `weights`.
     """
@@ -277,8 +282,8 @@ class Doubt(NamedTuple):
     factors: Array
     weights: Array
     spread: float
-    """Standard deviation of the logarithm of the variance. It is a further uncertainty, in addition to
-    `factors`.
+    """Standard deviation of the logarithm of the predicted variance. It is a further uncertainty, in addition
+    to `factors`.
     """
 
     def deviations(self, squares: Array, tails: float) -> float:
@@ -287,8 +292,9 @@ class Doubt(NamedTuple):
         `squares`: squared errors, divided by their predicted variances. `tails`: ratio of the errors' fourth
         moment to their squared second moment. The result is positive if the errors are larger than predicted.
 
-        With heavy tails, the mean is as uncertain as a mean of fewer squares. The variance that the model
-        predicts becomes more uncertain by the same factor.
+        With heavy tails, the mean is as uncertain as a mean of k times fewer squares of normal errors. The
+        model's variance was fitted to samples with the same tails. So the variance of its logarithm is k
+        times larger, too.
         """
         heavy = (tails - 1) / (NORMAL_TAILS - 1)
         count = len(squares) / heavy

@@ -71,7 +71,7 @@ def _forecast(name: str, axis: Foretold) -> Forecast:
 
 
 def _counted(name: str, found: Forecast, up_to_s: float) -> tuple[list[Piece], list[Piece]]:
-    """Return two lists: the time spans that are used, and longer ones with too few pieces."""
+    """Return two lists of lengths of pieces: those with enough pieces, and longer ones with too few."""
     asked = [one for one in found.judged if one.t_s <= max(up_to_s, LEAST_S)]
     counted = [one for one in asked if one.pieces >= MANY]
     if not counted or counted[-1].t_s < LEAST_S:
@@ -96,8 +96,8 @@ def _is_exceeded(one: Piece) -> bool:
 def _factor(one: Piece, found: Forecast) -> float:
     """Return the factor for the noise figures of the whole recording.
 
-    The excess was found with the figures of the first half. The figures of the whole recording may already be
-    larger, and then the factor is smaller.
+    `one.needed` is the factor for the figures of the first half. The figures of the whole recording may
+    already be larger, and then their factor is smaller.
     """
     return one.needed * one.said / found.heading_std[found.t_s.index(one.t_s)]
 

@@ -27,11 +27,12 @@ from fltea.spectrum.median_filter import find_median_filter
 TURNS, TURN = 32, 12
 """A record is divided into TURNS parts. The length of each part is a multiple of TURN samples.
 
-The error of a pattern is found from its scatter between the parts. Since a part's length is a multiple of 12,
-patterns of 2, 3 and 4 samples fit into a part without remainder.
+A pattern recurs every 2, 3 or 4 samples, if the rows of so many sensors alternate. Its error is found from
+its scatter between the parts. A multiple of 12 samples holds each pattern a whole number of times.
 """
 ALTERNATES = {2: 50.0, 3: 25.0, 4: 25.0}
-"""Threshold for the squared ratio of a pattern's size to its error, by the number of alternating sensors.
+"""Threshold for the squared ratio of the size of a pattern to its error, by the number of samples after which
+the pattern recurs (one for each alternating sensor).
 
 Chance exceeds the threshold once in ten million cases.
 """
@@ -63,12 +64,13 @@ chance.
 If there are fewer jumps, the sensor was turned between the groups.
 """
 FAR_COUNTS, FAR_STEPS = 32.0, 8.0
-"""Two groups of values must be at least this far apart: in counts, or in smallest steps within the groups.
+"""Values that jump between two distant groups are broken reads. The groups must be FAR_COUNTS counts apart.
 
-Coarse rounding leaves smaller gaps between values.
+If the size of a count is not known, FAR_STEPS times the smallest difference of two values is enough. Coarse
+rounding leaves smaller gaps between values.
 """
 FAR = {"deg/s": 20.0, "m/s²": 5.0}
-"""If the size of a count is not known, two groups of values must be at least this far apart.
+"""If the size of a count is not known, two groups of values that are this far apart are broken reads, too.
 
 No sensor has counts that large.
 """

@@ -38,8 +38,8 @@ def axis_noise(axis: AxisReport) -> AxisNoise:
 
 def _walk(walk: OffsetWalkFound, plain: NavigationFilter, tracked: System) -> Shown:
     if walk.said == "walks":
-        # The K of the plain filter is used only if there is a slope, which the filter replaces by a random
-        # walk. For a bounded walk the filter has a state in place of K, but imu.yaml cannot hold a state.
+        # `plain` is the filter of --gauss-markov. It replaces a slope by a random walk, so its K is used only
+        # if there is a slope. It describes a bounded walk by a state, which imu.yaml cannot hold.
         K = walk.K.value or 0.0
         return Shown(max(plain.K, K) if slope_of(tracked).any() else K)
     if walk.said == "likely constant":
@@ -51,9 +51,9 @@ def _walk(walk: OffsetWalkFound, plain: NavigationFilter, tracked: System) -> Sh
 
 
 def _slower(N: float, plain: NavigationFilter) -> tuple[tuple[float, float], ...]:
-    """Return the correlation times of states that raise the noise density, from the fastest state on.
+    """Return pairs: the correlation time of a Gauss–Markov state, and the noise density beyond that time.
 
-    With each correlation time comes the density at averaging times that are longer.
+    Only states that raise the density are listed, the fastest first.
     """
     total, found = max(N, plain.N) ** 2, []
     for state in reversed(plain.gauss_markov):

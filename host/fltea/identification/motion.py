@@ -38,7 +38,7 @@ def likely_motion(series: Series) -> LeftOut:
     mean, power, steps, resolution = (np.concatenate(one) for one in zip(*chunks, strict=True))
     if len(power) < 2 * IN_A_ROW:
         return LeftOut()
-    # The usual power is computed without knocks, as the live fit leaves them out of its running mean.
+    # The usual power is the mean power of the chunks without a knock; the live fit leaves knocks out, too.
     usual = float(power[power <= KNOCK * np.median(power)].mean())
     usual = max(usual, float(np.min(resolution)) ** 2 / 12)
     apart = np.abs(mean - np.median(mean))
@@ -50,8 +50,8 @@ def likely_motion(series: Series) -> LeftOut:
         for begin, end in _runs(moved[at : at + count]):
             inside = slice(at + begin, at + end)
             smooth = steps[inside].sum() < SMOOTH * 2 * (power + apart**2)[inside].sum()
-            # Drift may also take the means of chunks as far from the usual offset. But drift is slow, so none
-            # of these chunks is a knock by its power.
+            # Drift may also take the means of chunks as far from the median as motion does. But drift is
+            # slow, so none of its chunks has the power of a knock.
             if smooth and knock[inside].any():
                 spans.append((start + begin * CHUNK, start + end * CHUNK))
         at += count

@@ -60,8 +60,8 @@ white noise.
 FOLDED_S, FOLDED = 0.1, 10.0
 """Longest correlation time of a state that may be turned into white noise, in s and in samples."""
 NOTHING_LEFT = 0.1
-"""If the fitted variance of the bias is less than this many times the variance that the tracked system gives
-for the bias, the tracked system's variance is used.
+"""If the fitted variance of the bias is less than this many times the variance by the tracked system (the
+tracker's state-space model), the variance by the tracked system is used.
 """
 LEAST_OF_ALL = 1e-4
 """The white noise's variance is made at least this many times the variance of all states together.
@@ -87,8 +87,8 @@ class HeadingStd(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     filter: float
     """The standard deviation that the plain filter predicts without further samples."""
     forecast: float
-    """The standard deviation that `--forecast` predicts. It also uses the values of the states at the
-    record's end.
+    """The standard deviation that `--forecast` predicts. In contrast to `filter`, it uses the values of the
+    Gauss-Markov states at the record's end.
     """
 
 
@@ -102,7 +102,7 @@ class NavigationFilter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gauss_markov: tuple[FilterState, ...]
     """The states, from the slowest to the fastest; may be empty."""
     bias: float
-    """The bias after the last sample of the record; the values of the states are not included."""
+    """The bias after the last sample of the record, without the values of the Gauss-Markov states then."""
     bias_std: float
     heading_std: tuple[HeadingStd, ...]
     """Standard deviation of the heading at several times, by which users can check their implementation of
@@ -144,7 +144,7 @@ def navigation_filter(tracked: FittedSystem, y: Array, h: float) -> NavigationFi
     target = _Target(lam, _power(model, always, lam, len(y)), times_s, heading)
     found, tau_s = _folded(*_fitted(target, tau_s, h), h)
     known = float(part @ P @ part)
-    if found[2] < NOTHING_LEFT * known:  # the fit gave the bias's error to the states
+    if found[2] < NOTHING_LEFT * known:  # the fit explained the bias's error by the Gauss-Markov states
         found[2] = known
     N, K, bias_std, *sigmas = np.sqrt(found).tolist()
     ahead = np.sqrt(_headings(tau_s, h, np.array(TOLD_S)) @ found).tolist()
@@ -232,12 +232,14 @@ def _power(model: System, always: Array, lam: Array, samples: int) -> Array:
 def _heading_variance(model: System, part: Array, always: Array, P: Array, h: float, times_s: Array) -> Array:
     """Return the mean square of the heading's error at each time, if the estimated bias is subtracted.
 
-    x is the state of the tracked system at the record's end, and E x is its estimate. `part`: row vector;
-    part @ x is the bias. `always`: stationary mean squares of x. `P`: covariance of the error x - E x, which
-    is also the covariance of this error with x.
+    x is the state of the tracked system at the record's end, and E x is its estimate.
 
-    After t seconds the angle is row @ x plus noise. The angle that is subtracted is t part @ E x. So the
-    heading's error is the sum of three terms: (row - t part) @ x, t part @ (x - E x), and the noise.
+    `part`: row vector; part @ x is the bias. `always`: stationary mean squares of x. `P`: covariance of the
+    error x - E x, which is also the covariance of this error with x.
+
+    After t seconds the angle is row @ x plus noise; `Ahead` has the row vector `row` and the noise's
+    variance. The angle that is subtracted is t part @ E x. So the heading's error is the sum of three terms:
+    (row - t part) @ x, t part @ (x - E x), and the noise.
     """
     moving = model.a < 1.0
     found = []

@@ -142,7 +142,8 @@ def draws(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> Itera
     lam = 2 * np.pi * np.arange(1, circle // 2 + 1) / circle
     R = model.white
     size = np.sqrt(np.maximum(model_spectrum(model, lam, h) - R, 0.0) * (circle / 2))
-    # The steps of a random walk also have a mean, which periodic noise cannot have. It is added as a slope.
+    # The noise is drawn with a period of `circle` samples, over which a walk's steps have the mean 0. In a
+    # real walk this mean is random. It is added as a slope.
     tilt = math.sqrt(model.walk * h / circle)
     while True:
         waves = np.zeros(circle // 2 + 1, dtype=np.complex128)

@@ -144,7 +144,8 @@ def examine(
     why_no_path = fltea_axis(analysis, series.lsb, options).why_not(h)
     model = modelled(analysis.figures.model, result.peaks, result.std, h)
     curve, drawn, reason = None, None, ""
-    with ThreadPoolExecutor(1) as in_parallel:  # the Allan deviation takes as long as the spectrum
+    # The Allan deviation takes as long as the spectrum, so a second thread computes it.
+    with ThreadPoolExecutor(1) as in_parallel:
         its_curve = in_parallel.submit(allan_of, analysis, series.unit)
         data_checks = checks_of(analysis, series, result, telegraph)
         why = withheld((*known, *data_checks))

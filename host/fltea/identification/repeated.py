@@ -7,10 +7,11 @@ Then the proportion q of repeated samples is the root of
 
     J = q + (1 - q) Π (m_i - q) / (1 - q)
 
-No assumption on distribution or autocorrelation is needed. Two things make axes agree without a repeat: noise
-whose power changes, and correlated steps (vibration). If the power changes, each sample also equals the
-sample after the next one more often. In both cases, J exceeds Π m_i only a little within each part of the
-record, if Π m_i is first multiplied by what the correlation of the steps allows.
+No assumption on distribution or autocorrelation is needed. Two things make axes agree without a repeat. The
+first is noise whose power changes. Then each sample also equals the sample after the next one more often; and
+in each of 32 parts of the record J exceeds the product Π m_i only a little. The second is vibration, which
+correlates the steps of the axes. Then J may exceed Π m_i by a factor that follows from the correlation matrix
+of the steps (`_alike`).
 
 For a single axis, the expected proportion of equal neighbours follows from the proportions of steps of one
 and two counts.
@@ -42,24 +43,25 @@ FINE_COUNTS = 3.0
 [LSB].
 """
 UNIFORM_LSB = 0.7
-"""σ in LSB above which the signal is spread evenly between two counts, also with heavy tails.
+"""Chance can be computed only if the values before rounding are spread evenly within a count. They are if σ
+is above this [LSB], even if the distribution has heavy tails.
 
-The sums of neighbours have to be spread as evenly. In white noise the σ of the sums is √2 times that of the
-samples.
+The sums of neighbouring samples, divided by √2, have to exceed it as well; in white noise they have the same
+σ.
 """
 LONG = 1 << 20
-"""If there are more steps than this, the correlation is computed only from a selection of evenly spaced
-steps.
+"""If there are more steps (differences of successive samples) than this, the correlation between axes is
+computed from evenly spaced steps only.
 """
 DIFFERENT = 0.9
 """Rounding does not matter if the number of distinct values is more than this fraction of the number of
 samples.
 """
 IN_STEP, AT_ONCE = 0.6, 200
-"""The values change at a steady rate if AT_ONCE successive changes scatter about a straight line with less
-than this standard deviation [samples].
+"""The values change at a steady rate if the sample numbers of AT_ONCE successive changes lie near a straight
+line: their standard deviation from it is less than IN_STEP [samples].
 
-Changes at a steady rate lie within one sample of the line, with a standard deviation of 0.29 samples.
+Changes at an exactly steady rate are rounded to whole samples, with a standard deviation of 0.29 samples.
 """
 TAILS = 1.15
 """With other distributions of the steps, equal neighbours are at most this many times as frequent as with
@@ -137,7 +139,7 @@ def _alike(steps: list[NDArray[np.float32]], moved: Equal) -> float:
 
 
 def _repeated(each: NDArray[np.bool_], together: Equal) -> tuple[float, Array]:
-    """Return the proportion of repeats, and the proportions (PARTS,) if each part in turn is left out."""
+    """Return the proportion q of repeated samples, and q if each part in turn is left out, (PARTS,)."""
     own, all_of_them = _shares(each), _shares(together)
     others = (PARTS * own.mean(axis=1)[:, np.newaxis] - own) / (PARTS - 1)
     left_out = _root((PARTS * all_of_them.mean() - all_of_them) / (PARTS - 1), others)
@@ -155,7 +157,11 @@ def _shares(equal: NDArray[np.bool_]) -> Array:
 
 
 def _root(together: Array, each: Array) -> Array:
-    """Solve the module's equation for q, given J (k,) and m (axes, k); q < 0 if J is less than by chance."""
+    """Return the proportion q of repeated samples, (k,), by the equation in the module's docstring.
+
+    `together`: proportion J of samples that equal the one before on all axes, (k,). `each`: the same for each
+    axis, (axes, k). q < 0 if J is less than by chance.
+    """
     low, high = np.full(together.shape, -1.0), each.min(axis=0)
     for _ in range(HALVINGS):
         q = (low + high) / 2
@@ -214,10 +220,13 @@ def _of_one_axis(samples: Array, count: float | None) -> Repeats:
 
 
 def _none(one: Array, two: Array) -> Array:
-    """Return the proportion of zero steps in Gaussian steps with these proportions of one and two counts."""
+    """Return the proportion of rounded Gaussian steps that are 0.
+
+    `one`, `two`: proportions of steps that are one and two counts long, up or down.
+    """
     chance = [_rounded_step(k) for k in range(3)]
-    # If steps of two counts are rarer than with the smallest of `_STEPS`, all equal neighbours count as
-    # chance.
+    # If steps of two counts are rarer than for the smallest standard deviation in `_STEPS`, the noise is so
+    # small that all equal neighbours count as chance.
     known = two > one * (chance[2] / chance[1])[0]
     ratio = np.interp(two / np.maximum(one, 1e-12), chance[2] / chance[1], chance[0] / chance[1] / 2)
     return np.where(known, one * ratio, 1.0)

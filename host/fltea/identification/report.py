@@ -113,7 +113,10 @@ def _section(report: FileReport, pictures: dict[str, dict[str, str]]) -> Iterato
 
 
 def _axis(name: str, axis: AxisReport, drawn: dict[str, str]) -> Iterator[str]:
-    """Yield the pictures of the noise with their meaning, then the folded sections on reasons and FLTEA."""
+    """Yield the pictures of the noise with their meaning, then sections that a click opens.
+
+    These sections tell the reasons for verdict and forecast, and what FLTEA estimates.
+    """
     yield f'<h3 class="axis">{name}</h3>'
     if axis.forecast is not None:
         yield f"<p>{escape(axis.forecast.text)}</p>"

@@ -23,9 +23,9 @@ CLOSE = 0.1
 The model's parameters are not known any better than this.
 """
 SPREADS = 4.0
-"""The model is accepted at an averaging time if the median ratio is off from 1 by at most this many standard
-deviations of the ratio over records of the model's noise. The number is large, since about forty points are
-compared.
+"""The ratio of the model's Allan deviation to that of the data varies over records of the model's noise. The
+model is accepted at an averaging time if the median ratio is off from 1 by at most this many of its standard
+deviations. The number is large, since about forty points are compared.
 """
 NARROW = 0.2
 """A resonance whose width is less than this fraction of its frequency rings for long, so it counts as a
@@ -41,14 +41,17 @@ class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     tau_s: tuple[float, ...]
     ratio: tuple[float, ...]
-    """Median ratio over records of the model's noise that are as long as the data."""
+    """Ratio of the Allan deviations, model to data: its median over records of the model's noise.
+
+    These records are as long as the data.
+    """
     low: tuple[float, ...]
-    """The 5 % quantile of the ratio over records of the model's noise."""
+    """Ratio of the Allan deviations, model to data: its 5 % quantile over records of the model's noise."""
     high: tuple[float, ...]
-    """The 95 % quantile of the ratio over records of the model's noise."""
+    """Ratio of the Allan deviations, model to data: its 95 % quantile over records of the model's noise."""
     within: tuple[bool, ...]
-    """Whether the model is accepted: the median ratio is off from 1 by at most 10 %, or by at most four
-    standard deviations of the ratio over records of the model's noise.
+    """Whether the model is accepted: the median ratio of the Allan deviations, model to data, is off from 1
+    by at most 10 %, or by at most four standard deviations of the ratio over records of the model's noise.
     """
     from_s: float | None
     to_s: float | None

@@ -12,7 +12,8 @@ LONG = 1 << 20
 spaced samples.
 """
 SAME_STEP = 1e-3
-"""A step counts as a power of ten if its relative difference from one is at most this."""
+"""A step counts as a power of ten if its relative difference from the nearest power of ten is at most this.
+"""
 WRITTEN_IN = {"deg/s": ("deg/s", "rad/s", "deg/h"), "m/s²": ("m/s²", "g")}
 """For each unit of fltea, the units in which files write the same quantity.
 

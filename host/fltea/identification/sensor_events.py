@@ -195,7 +195,7 @@ class _Course:
         self._every = -(-n // COURSE_POINTS)
         self._points: list[Array] = []
         self.rows: list[int] = []
-        """Samples of which the course is kept."""
+        """Indices of the samples after which bias and σ are kept."""
         self.end: Array = np.full((2, axes), math.nan)
         """Bias and σ of each axis after the newest sample."""
 
@@ -224,7 +224,7 @@ class _Predictions:
         self._counts += known.sum(axis=0)
 
     def are_better(self, lane: int, other: "_Predictions") -> bool:
-        """Return whether the samples of an axis are predicted clearly better than by `other`."""
+        """Return whether this run's model predicts an axis clearly better than the model of `other`."""
         if self._counts[lane] < other._counts[lane] - LONG:
             return False  # this run's model cannot predict some samples, so the run counted them as motion
         mine, its = (one._squares[lane] / max(one._counts[lane], 1) for one in (self, other))
@@ -240,7 +240,7 @@ class _Steps:
         """Number of steps of each axis that an earlier tracker found."""
 
     def begin(self) -> None:
-        """Take the steps of a new tracker from now on."""
+        """Begin to collect the steps that a new tracker finds."""
         self._before = [len(steps) for steps in self.by_axis]
 
     def undo(self, counts: Sequence[int], events: Sequence[TrackerEvent], first: int) -> None:

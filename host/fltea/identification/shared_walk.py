@@ -43,10 +43,10 @@ def shared_walk(tracked: Mapping[str, FittedSystem], h: float) -> dict[str, Fitt
 
 
 def _agreed_bounds(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk]:
-    """Return the walks with common bounds; an empty list if the axes do not agree.
+    """Return the walks with common correlation times; an empty list if the axes do not agree.
 
-    A bound is a correlation time of the walk. With common bounds, each bound has the same probability on all
-    axes.
+    A walk with a correlation time is bounded (a relaxation), with an infinite one it is not. Afterwards, each
+    correlation time that was tried has the same probability on all axes.
     """
     prior = _prior(walks[0].steps[:1].tolist(), taus, stays=0.0)
     own = np.array([[walk.weights[walk.taus == tau].sum() for tau in taus] for walk in walks])
@@ -75,13 +75,15 @@ def _prior(steps: list[float], taus: Sequence[float], stays: float) -> Array:
 def _agreed(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk]:
     """Return the walks of the axes with one common distribution; an empty list if the axes do not agree.
 
-    The common distribution gives the probability of each pair of step variance and bound (correlation time).
+    The common distribution gives the probability of each pair of step variance and correlation time; an
+    infinite correlation time stands for a walk without a bound.
     """
     low = min(float(walk.steps[walk.steps > 0].min()) for walk in walks)
     high = max(float(walk.steps.max()) for walk in walks)
     steps = np.geomspace(low, high, round(A_DECADE * math.log10(high / low)) + 1).tolist()
     q, tau, prior = np.array(list(walks_tried(steps, [one for one in taus if math.isfinite(one)], STAYS))).T
-    likely = np.array([_log_likelihoods(walk, q, tau) for walk in walks])  # an array (axes, walks, slopes)
+    # log likelihoods, (axes, random walks, slopes of the offset)
+    likely = np.array([_log_likelihoods(walk, q, tau) for walk in walks])
     by_walk = np.log(np.exp(likely).sum(axis=2))
     each = np.log(np.exp(by_walk) @ prior).sum()
     together = by_walk.sum(axis=0)

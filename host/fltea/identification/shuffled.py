@@ -26,7 +26,7 @@ BLOCK = 100
 processor's caches.
 """
 GROUP_BYTES = 64_000_000
-"""Memory for the samples of a group of copies [bytes]."""
+"""Memory for the samples of a group of shuffled copies, over which FLTEA runs together [bytes]."""
 LEAST_LANES, MOST_LANES = 8, 40
 """Least and largest number of copies in a group. One process runs FLTEA over a whole group.
 
@@ -36,10 +36,10 @@ LONGEST = 1 << 17
 """Length of a record in samples above which its copies are not shuffled, but drawn from its samples at
 random, block by block, to save memory.
 
-For the variant of FLTEA with a joint filter, copies have at most this number of samples. The joint filter
-forgets old samples: between this length and a million samples, the quantiles of its last α change by only
-0.003. The quantiles of the triple filter keep falling with the length (from 0.13 to 0.11), so its copies are
-as long as the record.
+With `estimator.variant` joint (one filter for α and h^α f), copies have at most this number of samples. This
+filter forgets old samples: between this length and a million samples, the quantiles over the copies of its
+last α change by only 0.003. With the variant triple (the paper's three filters), these quantiles keep falling
+with the length (from 0.13 to 0.11), so its copies are as long as the record.
 """
 DRAWN = 1 << 13
 """Number of samples in each block that is drawn from a long record."""

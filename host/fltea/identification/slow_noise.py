@@ -27,11 +27,13 @@ class Band(NamedTuple):
     differ already at the shortest averaging time.
     """
     leaves_at_s: float | None
-    """Shortest averaging time at which the two deviations differ [s]; None if they agree everywhere."""
+    """Shortest averaging time at which the measured Allan deviation differs from the model's [s]; None if
+    they agree everywhere.
+    """
     ends_s: float
     """Longest averaging time for which there is a measured deviation [s]."""
     is_more: bool = True
-    """Whether the measured deviation is above the model's at `leaves_at_s`."""
+    """Whether the measured deviation is above the model's at the averaging time `leaves_at_s`."""
 
 
 def with_slow_noise(

@@ -110,9 +110,9 @@ def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Peri
 
 
 def drift_together(found: Sequence[Parts]) -> Drift | None:
-    """Return the mean drift power of several stretches (runs of samples without a gap).
+    """Return the mean power of the drift over several stretches (runs of samples without a gap).
 
-    Each stretch is weighted by the number of amplitudes from which its drift power was computed.
+    The power of a stretch is the mean square of amplitudes (`Drift`). It is weighted by their number.
     """
     drifts = [one.drift for one in found if one.drift is not None]
     amplitudes = sum(one.amplitudes for one in drifts)

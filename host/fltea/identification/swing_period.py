@@ -33,7 +33,7 @@ PHASES = 24
 
 
 def with_period(change: Change, y: Array, h: float) -> Change:
-    """Return the change of an octave's power, with period and size if the samples y (n,) show a periodic one.
+    """Return `change`, how the power in an octave varies over time, with period and size if it is periodic.
 
     `h`: sampling period [s].
     """

@@ -18,10 +18,10 @@ from fltea.records.fit import Interval
 from fltea.spectrum.drift_rate import around, slope, slope_variance
 
 AS_LIKELY = 0.4
-"""Prior probability that the offset does not walk, used for the interval of the drift rate.
+"""Prior probability, for the interval of the drift rate, that the offset does not follow a random walk.
 
-An offset whose walk is too slow for the record to show it can still triple the error of the fitted slope.
-With the higher prior `STAYS`, such walks would be excluded too often (measured).
+Even a random walk that is too slow for the record to show it can triple the error of the drift rate. The
+tracker itself uses the higher prior `STAYS`, with which such walks would be excluded too often (measured).
 """
 
 
@@ -38,7 +38,10 @@ def tracked_drift_rate(tracked: FittedSystem, y: Array, h: float) -> Interval:
 
 
 def _weights(walk: OffsetWalk) -> Array:
-    """Return the probability of each random walk of the tracker, if no walk has the prior `AS_LIKELY`."""
+    """Return the probability of each random walk that the tracker tried, and that of no walk.
+
+    The tracker's prior for no walk, `STAYS`, is replaced by `AS_LIKELY`.
+    """
     stays = walk.steps == 0
     if not stays.any() or stays.all():
         return walk.weights

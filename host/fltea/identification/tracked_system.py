@@ -50,9 +50,9 @@ class OffsetWalkFound(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def tracked_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem | None:
-    """Return the tracked system of samples y (n,) without a gap, whose noise has the given parts.
+    """Return the state-space model by which the bias of samples y (n,) without a gap is tracked.
 
-    Return None if no Kalman filter works with these parts.
+    `parts`: the parts of the samples' noise. Return None if no Kalman filter works with these parts.
     """
     try:
         return fitted_system(parts, y, h)
@@ -79,7 +79,7 @@ def offset_walk_found(tracked: FittedSystem, h: float, K: Interval) -> OffsetWal
         return _in_place_of_a_relaxation(walk, h)
     if walk.is_certain:
         return OffsetWalkFound("walks", walk.K(h), None, None)
-    # there are no walks to compare, since the likelihood of a constant offset could not be computed
+    # no random walks were compared with a constant offset, since its likelihood could not be computed
     if not (walk.steps > 0).any():
         return OffsetWalkFound("not told", Interval(), None, None)
     steps, at = np.unique(walk.steps, return_inverse=True)
