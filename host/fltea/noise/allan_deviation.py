@@ -31,7 +31,7 @@ their means.
 MEANS = {1: 3 / 8, 2: 35 / 128}
 """Means over a period of sin⁴ and of sin⁸, by the power (1 or 2) of the integrand in `allan_integrals`."""
 BELOW = 24
-"""The integration begins this number of octaves of λ below π/m.
+"""For an averaging time of m samples, the integration begins this number of octaves of λ below π/m.
 
 Lower frequencies contribute nothing: the integrand is proportional to λ² S there, and towards low λ the
 spectrum S of a stationary state rises more slowly than λ^-1.
@@ -103,7 +103,10 @@ def _quadrature(
 
 
 def _edges(octaves: int, around: Iterable[tuple[float, float]]) -> Array:
-    """Return the edges of the panels in λ, from π downwards. Near a spectral line the panels are narrower."""
+    """Return the limits in λ between the panels, from π downwards.
+
+    A panel is an interval that is integrated in one piece. Near a spectral line the panels are narrower.
+    """
     cuts = [1 - np.arange(n) / (2 * n) for n in (*PARTS, *[1] * (octaves - len(PARTS)))]
     octave = [0.5**k * cut for k, cut in enumerate(cuts)]
     edges = np.pi * np.append(np.concatenate(octave), 0.5**octaves)

@@ -29,8 +29,8 @@ MOST = 1 << 13
 is computed for these lags.
 """
 FAST = 1 << 11
-"""The lags sample frequencies up to a limit. Above this limit, the spectrum is computed at this number of
-frequencies.
+"""The covariance at the lags is computed from the spectrum up to a limit, which the distance of the lags
+sets. Above this limit, the spectrum is computed at this number of frequencies.
 """
 RUNG_OUT = 8.0
 """Lag after which the covariance of a spectral line counts as 0, in units of 1 / half-width. This unit is the
@@ -54,9 +54,9 @@ class Line(NamedTuple):
         return np.asarray(self._height / (1 + ((lam - self.lam) / self.half) ** 2))
 
     def mean(self, edges: Array) -> Array:
-        """Return the mean of this line's spectrum between neighbouring `edges` (n + 1,), (n,).
+        """Return the mean of this line's spectrum in each interval between neighbouring edges, (n,).
 
-        The edges have to rise.
+        `edges`: rising frequencies, (n + 1,).
         """
         angles = np.arctan((edges - self.lam) / self.half)
         return np.asarray(self._height * self.half * np.diff(angles) / np.diff(edges))
@@ -67,10 +67,10 @@ class Line(NamedTuple):
         return self.variance * math.pi / (self.half * (high - low))
 
     def seen(self, terms: float) -> float:
-        """Return the proportion of Σ r² over all lags that counts in a record of `terms` terms.
+        """Return which proportion of Σ r² over all lags a record of `terms` differences contains.
 
-        r is the line's covariance. The proportion is small if the line's phase is remembered for longer than
-        the record.
+        r is the line's covariance at a lag. The proportion is small if the line's phase is remembered for
+        longer than the record.
         """
         ringing = 2 * self.half * terms
         return 1 + math.expm1(-ringing) / ringing

@@ -34,13 +34,16 @@ def logit(share: float) -> float:
 
 
 def logit_of_poles(poles: float) -> float:
-    """Return the free parameter of the fits, a logit, for a filter's number of poles."""
+    """Return a filter's free parameter in the fits, for its number of poles, which need not be whole.
+
+    The parameter is the logit of where the number lies between 1 and `MOST_POLES`.
+    """
     share = min(max((poles - 1) / (MOST_POLES - 1), 1e-7), 1 - 1e-7)
     return math.log(share / (1 - share))
 
 
 def poles_of_logit(logit: float) -> float:
-    """Return a filter's number of poles for `logit`, its free parameter in the fits."""
+    """Return a filter's number of poles, which need not be whole, for its free parameter in the fits."""
     return 1 + (MOST_POLES - 1) / (1 + math.exp(-logit))
 
 

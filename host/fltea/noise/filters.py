@@ -31,7 +31,8 @@ class LowPass(Part, frozen=True, tag="low-pass"):
     poles: float
 
     def eta(self, h: float) -> list[float]:
-        # The free parameters are log λ², for λ of the corner frequency, and a logit for the number of poles.
+        # The free parameters are log λ², for λ of the corner frequency, and the logit of where the number of
+        # poles lies from 1 to the largest number.
         return [2 * co.log_lam(self.corner_hz, h), co.logit_of_poles(self.poles)]
 
     @classmethod
@@ -54,15 +55,15 @@ class HighPass(Part, frozen=True, tag="high-pass"):
     Its power response is 1 / (1 + (s_c/s)^2n), where s = 2 sin(ω h/2), s_c is s at the corner frequency and n
     is the number of poles. With one pole, the filter subtracts an exponentially weighted average from the
     samples. The corner frequency is at most a tenth of the sample rate. A high-pass with a higher corner
-    frequency is described as a `Rise`.
+    frequency is described by the part `Rise`, noise whose power rises with frequency.
     """
 
     corner_hz: float
     poles: float
 
     def eta(self, h: float) -> list[float]:
-        # The free parameters are log |1 - e^{-iλ}|² at the corner frequency, and a logit for the number of
-        # poles.
+        # The free parameters are log |1 - e^{-iλ}|² at the corner frequency, and the logit of where the
+        # number of poles lies from 1 to the largest number.
         size = 2 * math.sin(min(math.pi * self.corner_hz * h, math.pi / 2))
         return [2 * co.log(size), co.logit_of_poles(self.poles)]
 

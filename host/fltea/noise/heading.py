@@ -32,10 +32,11 @@ class Ahead(NamedTuple):
     row: Array
     """The sum over future samples is `row @ x` plus noise. x is the state (n,) at the last sample at rest."""
     variance: float
-    """Variance of the additional noise, which is unknown at the last sample at rest."""
+    """Variance of the noise that is added to `row @ x`: the noise of the samples after the last one at rest.
+    """
 
     def std(self, P: Array) -> float:
-        """Return the sum's standard deviation. `P`: covariance of the state x after the last one at rest."""
+        """Return the standard deviation of the sum. `P`: covariance of x after the last sample at rest."""
         return math.sqrt(max(float(self.row @ P @ self.row) + self.variance, 0.0))
 
 
@@ -61,11 +62,12 @@ def aheads(system: System, h: float, times_s: Sequence[float]) -> list[Ahead]:
 
 
 def mean_ahead(system: System, samples: int) -> Ahead:
-    """Return the mean of the bias over the next `samples` samples, in terms of x after the newest sample.
+    """Return the mean of the bias over the next `samples` samples, as a function of the present state x.
 
-    Bias(T) is the expectation `row @ x` of this mean, with σ = `std(P)`. Two kinds of noise do not contribute
-    to the bias, since they are not signal: the white noise R, and the states that `system.bias` leaves out.
-    So the mean of the samples themselves varies more. Because of white noise, its variance is larger by N²/T.
+    `samples` samples last T seconds. Bias(T) is `row @ x` of the result, the expectation of this mean; its σ
+    is `std(P)`. Two kinds of noise do not contribute to the bias, since they are not signal: the white noise
+    R, and the states that `system.bias` leaves out. So the mean of the samples themselves varies more.
+    Because of white noise, its variance is larger by N²/T.
 
     Raises:
         ValueError: `samples` is below 1.
@@ -123,8 +125,7 @@ def heading_stds(system: System, P: Array, h: float, times_s: Sequence[float]) -
 def rest_for(system: System, h: float, t_s: float, within: float, unit: str = "°") -> Rest:
     """Return how long to rest, so that the heading's σ is at most `within` after `t_s` of motion.
 
-    `t_s`: time after the last sample at rest [s]. `unit`: unit of the heading, which is written after numbers
-    in the reason.
+    `t_s`: time after the last sample at rest [s]. `unit`: unit of the heading, for `Rest.reason`.
     """
     at = ahead(system, h, t_s)
 

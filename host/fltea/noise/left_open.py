@@ -45,11 +45,13 @@ def mean_order(
 ) -> tuple[float, Array]:
     """Return the mean variance of white noise, and the mean spectrum (at `lam`) of the part with an order.
 
-    The means are taken over the noises that are likely given the record. If there is white noise, too, a
-    record hardly shows an order whose spectrum is nearly white: the most likely order may take all of the
-    white noise's power, or none of it. Of all linear filters of the samples, the one for the mean of the
-    likely spectra has the least mean square error, and it predicts this error. The filter for the most likely
-    order has a larger error, but predicts a smaller one.
+    The means are posterior means, over the noises that are likely given the record. A record hardly shows how
+    much power is white noise's, and how much is that of an order whose spectrum is nearly white. The most
+    likely order may take all of this power, or none.
+
+    Callers make a linear filter of the samples from the means. Of all such filters, it has the least mean
+    square error, and it predicts this error. A filter for the most likely order has a larger error, but
+    predicts a smaller one.
 
     For each α that is tried, the order and the white noise are fitted to the spectrum that both have
     together, and weighted by their likelihood. The other parts are assumed to be known.

@@ -61,8 +61,8 @@ def ramp_of(slope: float, samples: int) -> Coordinate:
     """
     slow = STRAIGHT * samples
     variance = (slope * slow) ** 2
-    # Before the first sample, the slope's contribution to this state and to the offset adds up to 0, so that
-    # the slope does not change the prior of a sample.
+    # A sample contains the sum of this state and of the offset. Before the first sample, what the slope adds
+    # to the two adds up to 0, so that the slope does not change the sample's prior variance.
     return Coordinate(math.exp(-1 / slow), 0.0, variance, 0.0, variance)
 
 
@@ -112,14 +112,14 @@ class System(NamedTuple):
     def with_offset(self, q: float = 0.0, *, of_state: bool = False) -> "System":
         """Return the system with an offset of unknown value as its last state.
 
-        `q`: variance of a step of the offset's random walk. `of_state`: whether the walk is part of the
-            signal.
+        `q`: variance of a step of the offset's random walk. `of_state`: whether the offset counts as signal
+            (as 1 in `signal`), like a random walk among the parts of the noise.
         """
         found = self.with_coordinate(offset_of(self.power, q, of_state=of_state))
         return found._replace(walks=self.walks or of_state)
 
     def with_relaxation(self, variance: float, a: float) -> "System":
-        """Return the system with one more relaxation as its last state, which is signal.
+        """Return the system with one more relaxation as its last state, which is a part of the bias.
 
         `variance`, `a`: variance and pole of the relaxation.
         """

@@ -31,13 +31,15 @@ class Row(NamedTuple):
     """A row of the native table, which describes one part."""
 
     code: int
-    """The number of the part in the table."""
+    """The number of this kind of part in the native table."""
     name: str
     coordinates: tuple[Coordinate, ...]
     traits: frozenset[str]
     """Traits of the part: names of the enum `Trait` of the native table."""
     says: str
-    """The question of the verdict that the part answers: a name of the enum `Says` of the native table."""
+    """What a part of this kind says for the verdict, such as `drift` or `order`: a name of the enum `Says` of
+    the native table.
+    """
     sought: int
     """Number of parameters that the information criterion BIC counts for the part in addition to its free
     ones.

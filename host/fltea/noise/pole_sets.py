@@ -74,9 +74,10 @@ def of_order(alpha: float, g: float, slowest: float) -> list[complex]:
 
 
 def of_low_pass(lam: float, poles: float) -> tuple[list[complex], int]:
-    """Return the upper poles of a low-pass with its corner at λ, and the number of taps to add.
+    """Return the poles with imaginary part ≥ 0 of a low-pass with its corner at λ, and a number of taps.
 
-    The taps correct the response where `poles` is no whole number, which poles alone do not describe.
+    `poles`: number of poles, by which the response falls; it need not be whole. If it is not, the filter has
+    the next whole number of poles, and taps (a short weighted sum of samples) that correct its response.
     """
     n = math.ceil(min(max(poles, 1.0), MOST_POLES))
     angles = np.pi * (n + 1 + 2 * np.arange((n + 1) // 2)) / (2 * n)
@@ -84,7 +85,7 @@ def of_low_pass(lam: float, poles: float) -> tuple[list[complex], int]:
 
 
 def of_high_pass(lam: float, poles: float) -> Complex:
-    """Return all poles of a high-pass with its corner frequency at λ. The number of poles is rounded.
+    """Return all poles of a high-pass with its corner frequency at λ. `poles` is rounded to a whole number.
 
     The filter has as many zeros, all at z = 1. For n poles and c = |1 - e^{-iλ}|², the poles are the z with
     |z| < 1 for which -(1 - z)²/z is one of the roots s² of 1 + (c/s²)^n = 0.

@@ -133,8 +133,8 @@ def fitted(
 def driven(z: Complex, share: Complex, *, signal: bool) -> Block:
     """Return the complex states of poles `z` as a block of real states.
 
-    Each complex state ξ advances by ξ' = z ξ + 2 share w, where w is the same white noise of variance 1 for
-    all, and the output is y = Re Σ ξ.
+    `share`: for each pole, its complex weight in the frequency response. Each complex state ξ advances by ξ'
+    = z ξ + 2 share w, where w is white noise of variance 1, the same for all. The output is y = Re Σ ξ.
     """
     m = 2 * share
     hermitian, plain = m[:, None] * m.conj(), m[:, None] * m

@@ -52,8 +52,8 @@ MOST = 23
 POINTS_A_DECADE = 16
 LEAST_WHITE = 1e-4
 """Without white noise, no Kalman filter works. So the variance R of the white noise is at least this
-proportion of the variance that the states add to a sample in each step, and of the variance of all noise that
-is no signal.
+proportion of two variances: of what the states add to a sample in each step, and of all noise that is no part
+of the bias.
 """
 NO_MATTER = 0.02
 """A relaxation is described as if it had not passed the sensor's filters, if that changes the spectrum by
@@ -133,10 +133,10 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
 def filtered_noise(parts: Sequence[Part], h: float) -> Relaxation | Order | None:
     """Return the part that is a sensor's white noise after a filter; None if there is no such part.
 
-    It is a relaxation, or an order that is hardly different from a relaxation. At half the sample rate, where
-    low-passes pass least, it has more power than all white noise together and than any other relaxation, so
-    that white noise is visible at no frequency. It is also at least as fast as the slowest filter of a
-    sensor.
+    It is a relaxation, or noise of an order α near 1, which is hardly different from a relaxation. At half
+    the sample rate, where low-passes pass least, it has more power than all white noise together and than any
+    other relaxation, so that white noise is visible at no frequency. It is also at least as fast as the
+    slowest filter of a sensor.
     """
     at = np.array([math.pi])
     slowest = max(SLOWEST_FILTER_S, SLOWEST_FILTER * h)
@@ -190,7 +190,7 @@ def _of_noise(
     h: float,
     room: int,
 ) -> tuple[list[Block], float]:
-    """Return the blocks of states for all noise that is no signal, and the variance of its white part."""
+    """Return blocks of states for all noise outside the bias, and the variance of its white part."""
     blocks: list[Block] = []
     coloured: list[Part] = []
     poles = list(behind)
@@ -212,8 +212,8 @@ def _of_noise(
     power = spectrum([White(0.0), *coloured, *others], LINES, h) if coloured else np.zeros(len(LINES))
     level += float(power.mean())
     if coloured and level > 0:
-        # Treat half of the coloured noise's least power as white noise. Behind a high-pass the least power is
-        # 0.
+        # Half of the smallest value of the coloured noise's spectrum counts as white noise; only half, since
+        # the rest must stay positive at every frequency. Behind a high-pass the smallest value is 0.
         white = 0.5 * float(power.min()) if others and len(others) == len(filters) else 0.0
         response = least_phase(power - white)(lam) * high_pass_response(filters, lam, h)
         blocks.append(fitted(response, total, poles, lam, room - len(exact.a), signal=False))

@@ -164,7 +164,7 @@ class Words:
         self._of: dict[str, dict[str, int]] = {}
 
     def of(self, name: str) -> list[str]:
-        """Return the texts of the field `name` in the order of their numbers."""
+        """Return the texts of the field `name`, each at the index that `numbers` gave it."""
         return list(self._of.get(name, ()))
 
     def numbers(self, name: str, data: NDArray[np.uint8]) -> NDArray[np.float64]:
@@ -228,7 +228,7 @@ def _read(
 ) -> Iterator[Columns]:
     """Yield the wanted columns of messages with equal lengths.
 
-    `data`: their bytes (n, length) without the CDR header.
+    `data`: bytes of the messages (n, length), without the header of their serialisation (CDR).
     """
     size = data.shape[1]
     in_field: dict[str, list[tuple[str, int]]] = {}

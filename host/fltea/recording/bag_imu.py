@@ -92,7 +92,7 @@ class Imu(NamedTuple):
     tell: tuple[NDArray[np.str_], ...] = ()
 
     def rows(self, kept: Marks) -> "Imu":
-        """Return the numbers of the messages that `kept` marks, without `tell`."""
+        """Return the values of those messages that `kept` marks (n,); the field `tell` stays empty."""
         time, gyro, accel = self.time[kept], self.gyro[kept], self.accel[kept]
         return Imu(self.row[kept], time, gyro, accel, self.measured[kept], self.measured_accel[kept])
 

@@ -1,4 +1,4 @@
-"""Finds messages that a bag holds twice, because its files overlap or were copied under another number."""
+"""Finds messages that a bag holds twice, since its files overlap or one is a copy of another."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -161,7 +161,7 @@ def is_rising(column: Floats) -> bool:
 
 
 def _remarks(values: Floats) -> dict[int, str]:
-    """Return a remark on each column whose numbers rise, or that has gravity's length with two neighbours."""
+    """Return remarks on columns whose numbers rise, and on three neighbours that have gravity's length."""
     found = {}
     numbers = []
     for place in range(values.shape[1]):

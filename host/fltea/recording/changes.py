@@ -25,8 +25,8 @@ class MotionMark(Record, frozen=True, forbid_unknown_fields=False, tag="motion")
 
 
 CLASSES = ("step", "motion")
-"""Names of the classes of these two records. An MCAP topic ends with such a name, and NDJSON has it in the
-field `class`.
+"""Names of the classes of the records `step` and `motion`. An MCAP topic ends with such a name, and NDJSON
+has it in the field `class`.
 """
 
 _decode = msgspec.json.Decoder(StepMark | MotionMark).decode

@@ -200,7 +200,8 @@ def _of_block(times: Floats, median: float, grain: float) -> float | None:
     if period == math.inf:
         return period
     steps[steps > (SHORT_GAPS[-1] + 0.5) * period] = period
-    times = np.cumsum(steps)  # numbered below, since samples may be missing
+    times = np.cumsum(steps)
+    # samples may be missing between these times, so `Numbering` gives them their numbers
     numbers = (
         Numbering(period, 1 / period, is_rounded=True).add(times, np.zeros(len(times), np.bool_)).sequence
     )

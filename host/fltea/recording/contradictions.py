@@ -1,4 +1,4 @@
-"""Checks the chosen columns for contradictions with each other, with the dialect, and with the first rows."""
+"""Checks whether the chosen columns contradict each other, the logger's dialect, or the first rows."""
 
 import math
 import re

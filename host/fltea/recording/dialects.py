@@ -116,9 +116,9 @@ class Facts(NamedTuple):
     states [Hz], each by where it was found, such as `imu.fs`. `sample`: function that returns the first rows
     of all columns (n, width), NaN where there is no number. `units_from`: evidence and source of the units of
     the columns.
-    `beside`: names that label numbers on other lines of the text, as some boards print them. `cells`:
-    function that returns the texts in a column, given its index, in the same first rows. `changed`: columns
-    whose numbers may need a further scale or offset, each with a text about it.
+    `beside`: labels of numbers that stand on lines of their own between the rows, such as `temp: 23.1`.
+    `cells`: function that returns the texts in a column, given its index, in the same first rows. `changed`:
+    columns whose numbers may need a further scale or offset, each with a text about it.
     """
 
     head: str = ""
@@ -147,7 +147,7 @@ def _of_kind(by_names: bool) -> list[Dialect]:
 
 @cache
 def _a_first_name() -> re.Pattern[str]:
-    """Return one pattern that matches the first of `names` of any dialect. It quickly rejects most lines."""
+    """Return a pattern that matches the first name of each dialect. It quickly rejects most lines."""
     return re.compile("|".join(f"(?:{one.names[0]})" for one in dialects() if one.names))
 
 
@@ -168,7 +168,7 @@ def may_be_of_a_dialect(names: Sequence[str]) -> bool:
 
 
 def names_kinds(line: str) -> bool:
-    """Return whether a line is in a form that shows a dialect with rows of several kinds."""
+    """Return whether a line shows that a file has a dialect whose rows begin with the name of their kind."""
     return any(re.search(pattern, line) for one in dialects() if one.tag for pattern in one.head)
 
 
@@ -189,7 +189,7 @@ def _is_in(one: Dialect, names: Sequence[str], facts: Facts, tag: str, fields: i
 
 
 def _has_gravity(one: Dialect, facts: Facts) -> bool:
-    """Return whether the dialect's columns of accelerations have gravity's length in the dialect's unit."""
+    """Return whether the accelerations in the dialect's columns have the size of gravity in its unit."""
     values = facts.sample()
     if not one.accel or values.ndim != 2 or values.shape[1] != one.fields or not len(values):
         return False

@@ -90,7 +90,7 @@ class Choice:
 
     @property
     def by_dialect(self) -> Evidence:
-        """Kind of evidence that the dialect gives."""
+        """Kind of evidence for what follows from the logger's dialect."""
         return "convention" if self.dialect is not None and self.dialect.convention else "dialect"
 
     def answer(self, question: Question, value: str, evidence: Evidence, why: str) -> None:

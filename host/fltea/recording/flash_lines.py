@@ -58,7 +58,7 @@ class FlashLines:
         return found
 
     def finish(self) -> list[str]:
-        """Return the last line. It was held back, since the header may have to replace it."""
+        """Return the last line. It was held back, as the columns' names replace it if a row follows."""
         held, self._held = self._held, []
         return held
 

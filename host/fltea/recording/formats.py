@@ -1,7 +1,8 @@
 """The table of all file formats that are read, or that are recognized and not read.
 
 Recognition, readers, help, errors and the table of `host/docs/guide/files.md` are derived from this table.
-`host/CHANGING.md` says what a new format needs beside a row here; tests name each file that lacks it.
+`host/CHANGING.md` says what a new format needs beside a row here; tests name each file in which the new
+format is missing.
 """
 
 import importlib

@@ -51,7 +51,7 @@ class LabelLines:
 
     @property
     def holds(self) -> bool:
-        """Whether lines are being joined, or are held back until it is known whether they form samples."""
+        """Whether the lines of a sample, each with one number, are joined, or may have to be."""
         return self._is_on or bool(self._held)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:

@@ -54,7 +54,8 @@ exactly.
 """
 
 MANY = 1 << 20
-"""A median is taken from at most this number of steps. If there are more steps, only a part of them is used.
+"""Medians of the steps between time stamps are taken from at most this number of steps. If there are more,
+evenly spaced ones are used.
 """
 
 WILD_NS = 60_000_000_000
@@ -192,7 +193,7 @@ def _gaps(
         tells[1:] = steps > ALIKE * period_ns
     for row, epoch in zip(late.tolist(), epochs.tolist(), strict=True):
         begin = max(begin, of_epochs[epoch], row - AROUND)
-        if row == of_epochs[epoch]:  # no sample is lost before this row, since the clock was set
+        if row == of_epochs[epoch]:  # the step before this row comes from setting the clock, not from a loss
             continue
         end = min(row + AROUND, of_epochs[epoch + 1])
         after = times_ns[row:end] - times_ns[row - 1] - ahead[: end - row]

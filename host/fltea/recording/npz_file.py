@@ -158,7 +158,7 @@ class _Check:
         epoch = np.zeros(len(host_s)) if block.epoch is None else block.epoch
         lost = np.where(np.diff(epoch, prepend=self._epoch) == 0, np.diff(seq, prepend=self._seq) - 1, 0)
         took = np.diff(block.device_s, prepend=self._last[0]) * block.rate_hz - 1
-        # 1 is subtracted: stamps of messages are wrong by up to one sampling period
+        # The elapsed time may be one period too short: stamps of messages are wrong by up to one period.
         lacks = (lost > 0) & (took < lost / 2 - 1)
         self._seq, self._epoch = float(seq[-1]) if block.seq is not None else -1.0, float(epoch[-1])
         beyond = np.abs(block.gyro).max(axis=1) > LARGEST_DPS * (block.lsb_per_dps or 1.0)

@@ -162,7 +162,10 @@ def _is_once_a_time(codes: Ints, times: Floats) -> bool:
 
 
 def _begins_again(codes: Ints, times: Floats) -> bool:
-    """Return whether the times step back where the value changes, and only there."""
+    """Return whether the times step back exactly where the value of a column changes.
+
+    `codes`: number of each row's value in the column, equal for equal values.
+    """
     back = np.diff(times) < 0
     return bool(back.any() and (back == (np.diff(codes) != 0)).all())
 

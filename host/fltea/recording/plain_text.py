@@ -19,7 +19,9 @@ class PlainText:
         self._clocks, self._stages = Clocks(), (FlashLines(columns), LabelLines())
 
     def take(self, data: bytes, *, is_known: bool) -> bytes | None:
-        """Rewrite whole lines, of which the last has no line end. Return None if all are held back.
+        """Return lines as plain rows, objects or labelled lines; None if all are held back.
+
+        `data`: whole lines, of which the last has no line end.
 
         `is_known`: whether the columns to read are known.
         """

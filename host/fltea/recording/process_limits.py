@@ -57,7 +57,7 @@ class ProcessLimits(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, quota: Quota) -> "ProcessLimits":
-        """Return the limits that a file's quota gives, or those of the login session where they are lower."""
+        """Return the limits by the quota of the file to read, or by the login session if lower."""
         cpu_s = STARTUP_S + round(quota.seconds)
         memory_bytes = STARTUP_BYTES + 2 * quota.limits.whole_bytes
         least_s = least_of(resource.RLIMIT_CPU, cpu_s)

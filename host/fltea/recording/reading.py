@@ -96,7 +96,7 @@ def asked_with(where: str, first: Missing, known: Sequence[str], then: Callable[
     except NotStated as error:
         return not_stated(where, [first, *error.missing], known, error.table)
     except UsageError:
-        pass  # an error other than NotStated may disappear once the user answers `first`
+        pass  # another error may disappear once the user states the fact `first`
     return not_stated(where, [first], known)
 
 

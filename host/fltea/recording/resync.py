@@ -67,7 +67,7 @@ class ChunkLength(NamedTuple):
 
 
 def chunk_length(file: BinaryIO, at: int) -> ChunkLength | None:
-    """Return both lengths of the chunk that begins at byte `at`; None if no chunk can begin there."""
+    """Return stated and computed length of the chunk at byte `at`; None if no chunk can begin there."""
     file.seek(at)
     data = file.read(PACKER_AT + 64)
     if len(data) < PACKER_AT + 12 or data[0] != Opcode.CHUNK:

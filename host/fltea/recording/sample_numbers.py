@@ -25,24 +25,25 @@ end. Therefore the remainder is multiplied by LEAK at each step, or by LEAK_OF_R
 """
 
 FEW, STRETCH, FADED = 8, 256, 2048
-"""Numbers of steps that are processed together. A step leads from one time to the next.
+"""A step leads from one time to the next. Up to FEW steps are processed one by one. More steps are processed
+in stretches of STRETCH steps.
 
-Up to FEW steps are processed one by one, and more steps in stretches of STRETCH steps. The remainder of a
-step, by which it exceeds a whole number of periods, is carried to the next steps and fades. After FADED steps
-it is negligible.
+The remainder of a step, by which it exceeds a whole number of periods, is added to the next step, multiplied
+by LEAK or LEAK_OF_ROUNDED at each step. After FADED steps it is negligible.
 """
 
 NO_DOUBT = 0.499
-"""If the remainder of each step stays below this number of sampling periods, even with the remainders of
-earlier steps, each step may be rounded by itself to whole sampling periods.
+"""A step's remainder, by which it exceeds a whole number of sampling periods, is added to the next step. If
+no sum of remainders exceeds this number of periods, it suffices to round each step to the nearest whole
+number of periods.
 """
 
 DOUBT_OF_ROUNDED = 0.6
-"""Smallest remainder of a step that counts as a lost sample if times are rounded [sampling periods]. If times
-are not rounded, the smallest is 0.5.
+"""If times are rounded, a sample counts as lost if the step between two times exceeds a whole number of
+sampling periods by more than this number of periods. If times are not rounded, the limit is 0.5.
 
-A smaller limit would find false losses: if times are rounded to multiples of 0.99 of a sampling period, a
-step may have a remainder of about 0.5 although no sample is lost.
+The limit 0.5 would find false losses in rounded times: if they are multiples of 0.99 periods, a step may
+exceed a whole number of periods by about 0.5 although no sample is lost.
 """
 
 

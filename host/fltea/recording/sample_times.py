@@ -99,9 +99,10 @@ class LocalTime:
         self._unit_s = unit_s
 
     def minutes(self, time: Floats, steps: Floats) -> Floats | None:
-        """Return what to add to the steps at which times of day, written as hhmmss, pass to the next minute.
+        """Return what to add to the steps at which times written as hhmmss pass to the next minute, (n,).
 
-        Return None if there are no such steps.
+        For example, the step from 95959 to 100000 is 41, but the true step is 1 s. Return None if there are
+        no such steps.
         """
         turns = np.flatnonzero(np.abs(steps) * self._unit_s > MINUTE_TURNS_S)
         if not len(turns):

@@ -197,9 +197,9 @@ def _by_names(names: Sequence[str], how: How) -> How:
 def _choose(where: str, sheet: Sheet, how: How) -> tuple[Sheet, Chosen, How]:
     """Return the columns that belong to one gyroscope, the choice among them, and the changed options.
 
-    Two options may change. If the sensor was chosen here, the option for the sensor is removed. If the user
-    names no column of times, no column has the name of one, and the table has only one column of dates, this
-    column is the column of times.
+    If the user's option names the sensor, it is removed, since only the columns of this sensor are left. If
+    nothing names a column of times (neither an option nor the columns' names), the only column of dates is
+    entered as the option.
     """
     sheet = of_one_gyroscope(where, sheet, how)
     how = replace(how, topic=None) if sheet.topic else how
@@ -341,7 +341,7 @@ def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
 
 
 def _gyroscope(where: str, sheet: Sheet, how: How) -> _Gyroscope:
-    """Find the axes that the user or a dialect names, or else those of the only group with a gyroscope."""
+    """Find the axes that the user or a logger's dialect names, or those of the only gyroscope."""
     names = sheet.names
     dialect = dialect_of(names, _facts(where, sheet))
     if how.columns is not None:

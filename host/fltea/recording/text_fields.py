@@ -116,10 +116,11 @@ class Thousands:
         self._first: dict[int, str] = {}
 
     def check(self, where: str, lines: Sequence[str]) -> None:
-        """Check the lines that were added to the list since the last call.
+        """Check those of `lines` that were added since the last call.
 
         Raises:
-            UsageError: a column has several different numbers of this form, so that 53.456 may mean 53456.
+            UsageError: a column has different numbers with signs between their thousands, so that 53.456 in
+                this column may mean 53456.
         """
         for line in lines[self._seen :]:
             if not _MAY_HAVE_THOUSANDS.search(line) or is_comment(line):

@@ -23,10 +23,11 @@ NO_NAME = "0123456789+-."
 
 
 class Headers:
-    """The headers of a text so far. `where`: file, for messages. `head`: lines from elsewhere.
+    """The headers of a text so far. `where`: file, for messages.
 
-    `sample`: the first lines of the text.
-    `finder`: examines the lines after the newest header.
+    `head`: lines that describe the rows, but do not stand in this text (in another sheet of a workbook).
+    `sample`: the first lines of the text, which show what the columns hold. `finder`: examines the lines
+    after the newest header.
     `chosen`: the columns that are read. None until a line determines the columns, and unchanged afterwards.
     `layouts`: for each header, the layout of the rows below it, or None if its columns do not fit those of
     the first header.

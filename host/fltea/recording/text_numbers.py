@@ -97,8 +97,8 @@ class RowParser:
             return self._plain_named(data, begin)
         form = layout.separator or "\0", layout.least, layout.most, layout.chosen.places
         stop = end_of_line(data, begin + self._window) if begin + self._window < len(data) else len(data)
-        # plain_rows reserves memory for all lines of `part`, so `part` is short as long as few lines are
-        # plain
+        # plain_rows reserves memory for all lines of `part`, and stops at the first line that is no plain
+        # row. So `part` is short if the last parts had few plain rows.
         part = data[begin:stop]
         after, passed, decimal, rows, values = plain_rows(part, 0, *form, self._decimal or "\0")
         self._decimal = decimal.strip("\0")

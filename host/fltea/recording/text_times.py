@@ -104,10 +104,10 @@ class Clocks:
     def _examine(self, text: str) -> None:
         """Find out how the text writes fractions of seconds.
 
-        Milliseconds without leading zeros have one to three digits and never begin with a zero. If these
-        digits were read as fractions, they would end in zeros or decrease within a second. If true fractions
-        have different lengths, they never end in zeros, since programs that write such fractions drop final
-        zeros.
+        Milliseconds without leading zeros have one to three digits and never begin with a zero, as in 1.5,
+        1.10, 1.15. If these digits were read as fractions, they would end in zeros or decrease within a
+        second. If true fractions have different lengths, they never end in zeros, since programs that write
+        such fractions drop final zeros.
         """
         for clock, sign, digits in _LAST.findall(text):
             if sign == ":":
@@ -125,9 +125,9 @@ class Clocks:
                 self._last = clock, digits
 
     def _seconds(self, found: re.Match[str], before: str, mark: str) -> tuple[int, str] | None:
-        """Return the index in `before` at which a time begins, and this time in seconds.
+        """Return where in `before` the time begins, and the time in seconds; None if there is no time.
 
-        Return None if it is no time.
+        `before`: the text before the match `found`, with the hour, and maybe a date, at its end.
         """
         m, s, sign, digits, behind_comma, half, zone, _, fraction = found.groups()
         if s is None:
@@ -202,7 +202,8 @@ class _DayMonth:
     def days(self, month_first: int | None, day_first: int | None) -> int | None:
         """Return the number of days from 1970 to a date, or None if there is no such date.
 
-        `month_first`, `day_first`: these days if the month, or the day, is first in the text of the date.
+        `month_first`: the number of days if the date's text begins with the month. `day_first`: the number if
+        it begins with the day. None: there is no such date.
         """
         newest = self._newest
         if self._is_day_first is None and (month_first is None or day_first is None):

@@ -43,8 +43,8 @@ class Timing(NamedTuple):
 
     `period`: sampling period in the unit of the column of times. None if rows are numbered by their order
     instead of by times. `unit_s`: length of the column's unit [s].
-    `warning`: warning for the user, or "". `answers`: answers about the clock. `is_rounded`: whether the
-    times are rounded to a large part of the period.
+    `warning`: warning for the user, or "". `answers`: what was found out about rate and clock, with its
+    evidence. `is_rounded`: whether the times are rounded to a large part of the period.
     """
 
     rate_hz: float

@@ -96,8 +96,8 @@ class Turns:
     def _turn_of(self, time: Floats) -> Ints:
         """Return for each row the index of its sensor. The steps between the rows' times show the sensor."""
         if self._steps is None:
-            # The median is taken over few rounds only. If a row is missing, all rounds after this row are
-            # shifted by one row.
+            # A round is one row of each sensor. For each step in a round, the median is taken over few rounds
+            # only: if a row is missing, all later rounds would be shifted by one row.
             rounds = min(len(time[1:]) // self._count, MEASURED_ROUNDS)
             steps = np.diff(time[: 1 + rounds * self._count])
             self._steps = np.nanmedian(steps.reshape(-1, self._count), axis=0)
@@ -118,7 +118,7 @@ class Turns:
         return turns
 
     def _after(self, turn: int, step: float) -> int:
-        """Return the index of the sensor whose row comes a time `step` after a row of the sensor `turn`.
+        """Return the index of the sensor whose row comes a time `step` after a row of sensor number `turn`.
 
         Rows of other sensors may be missing between these two rows.
         """

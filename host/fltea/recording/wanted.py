@@ -1,4 +1,4 @@
-"""Holds the columns that the user names by options, and tests what a field of a text holds."""
+"""Holds the columns that the user names by options, and tests whether a field of a text is a number."""
 
 import re
 from collections.abc import Sequence

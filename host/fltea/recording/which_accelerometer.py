@@ -67,7 +67,7 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
 
 
 def _axes(choice: Choice, taken: set[int | None]) -> tuple[tuple[int, ...], bool]:
-    """Return the columns of the accelerometer's axes, and whether the dialect names them."""
+    """Return the columns of the accelerometer's axes, and whether the logger's dialect names them."""
     names, dialect = choice.names, choice.dialect
     near = common_beginning([names[place] for place in taken if place is not None])
     accel: tuple[int, ...] = columns_of(dialect.accel, names, near) if dialect is not None else ()

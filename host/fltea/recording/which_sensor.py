@@ -97,7 +97,7 @@ def _place_of(choice: Choice, column: str) -> int | None:
 def _named(choice: Choice) -> list[int]:
     """Return the columns that name the sensor of a row, and those that state units.
 
-    The columns' names, or the dialect, show this.
+    The columns' names, or the logger's dialect, show this.
     """
     pattern = choice.dialect.sensor if choice.dialect is not None else ""
     if pattern and (found := columns_of([[pattern]], choice.names)):

@@ -79,7 +79,7 @@ class Step(NamedTuple):
 class Difference(NamedTuple):
     """The fractional difference of past states for one order.
 
-    The filters of parameters (KFw) and state (KFx) share the one for the newest estimate of the order.
+    The filters of parameters (KFw) and state (KFx) share one `Difference`, for the newest order estimate.
     """
 
     order: np.float64
@@ -144,8 +144,8 @@ def predict_state(A: Array, rate: Array, at: Difference, covariances: Array, Q: 
     L, N, _ = covariances.shape
     x = at.gain * rate - at.past
     F = at.gain * A + at.order * np.eye(N)
-    # F is the factor of x_{k-1} in x_k: A, and the term j = 1 of the sum of past states. The terms from j = 2
-    # on add the variance sum_{j=2}^{L(k)} c_j² P_{k-j}.
+    # F, the factor of x_{k-1} in x_k, is h^α A, less the weight c_1 = -α of x_{k-1} in the sum of past
+    # states. Each older state x_{k-j} has the weight c_j there, so it adds c_j² times its covariance.
     V = ((at.c[2:] * at.c[2:]) @ covariances[1:].reshape(L - 1, N * N)).reshape(N, N)
     P = F @ covariances[0] @ F.T + Q + V
     return x, symmetric(P)
@@ -180,8 +180,8 @@ def unscented_update(
     Pyy = dy.T @ weighted + R
     K = kalman_gain(dx.T @ weighted, Pyy)
     correction = K @ (y - y_mean)
-    # The paper's P is P̃ - K Pyy K', with the gain K and the outputs' covariance Pyy. The form here equals
-    # it, since the weighted sum of dx dx' is P̃. But rounding cannot make this form negative.
+    # The paper's P is P̃ - K Pyy K', with the gain K and the outputs' covariance Pyy. The sum of squares
+    # below equals it, since the weighted sum of dx dx' is P̃. But rounding cannot make it negative.
     left = dx - dy @ K.T
     return FilterModel(
         mean=prior.mean + correction,

@@ -20,7 +20,9 @@ from fltea.records.arrays import Array
 
 AS_PRINTED = {3: 2, 4: 3}
 EXCHANGED = {3: 3, 4: 2}
-"""For each table, the example to which its numbers belong if the tables are exchanged."""
+"""For tables 3 and 4, the example to which the numbers belong, if the paper prints each table in the place of
+the other (EXCHANGED) or not (AS_PRINTED).
+"""
 
 SHORT = 2000
 JUDGED = ("state", "parameter")
@@ -31,8 +33,8 @@ If the error of no seed reaches a number, the proportion of seeds that would rea
 the number of seeds, with 95 % confidence.
 """
 TAIL_PERCENT = 0.5
-"""A number of the paper does not fit an example if less than this percentage of the example's seeds has an
-error beyond it.
+"""A number of the paper does not fit an example if less than this percentage of the seeds (random runs of the
+example) gives a larger number, or less than this percentage gives a smaller one.
 """
 
 Results = Mapping[int, Mapping[int, Outcome]]
@@ -60,10 +62,10 @@ def evidence(results: Results) -> Row:
     """Return what speaks for and against an exchange of tables 3 and 4, as numbers for JSON.
 
     Keys:
-        rarest: of the paper's eight numbers, the one that the fewest seeds reach with their results.
-        at_least_4: percentage of an example's seeds whose error of the state changes from L = 4,000 to
-            L = 2,000, relative to its size, by at least as much as in table 4.
-        at_most_3: percentage of the seeds for which this change is at most as large as in table 3.
+        rarest: of the paper's eight numbers, the one that is most extreme among the results of the seeds.
+        at_least_4: percentage of an example's seeds whose error of the state changes, from L = 4,000 to L =
+            2,000, by at least as many percent as in table 4.
+        at_most_3: percentage of the seeds whose error changes by at most as many percent as in table 3.
         largest_order: the largest error of the order in any seed with a finite run; None if it overflows.
     """
     seeds = min(_finite(by_length) for by_length in results.values())

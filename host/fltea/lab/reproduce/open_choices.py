@@ -59,7 +59,7 @@ class Choice:
     def run(self, scenario: Scenario, data: Data, length: int, options: Options) -> Curves:
         """Return the estimates of every run.
 
-        The engine makes them if `reading` is the engine's interpretation.
+        The engine makes them if `reading`, the interpretation of the paper's algorithm, is the engine's.
         """
         if self.reading == AS_BUILT:
             return estimate(scenario, data, length, options)
@@ -151,7 +151,10 @@ def _places(table: int, outcome: Outcome) -> dict[str, float | None]:
 
 
 def document(rows: Sequence[Row]) -> str:
-    """Return two Markdown tables with a row for each choice: our errors, and the paper's percentiles."""
+    """Return two Markdown tables, with a row for each choice that the paper leaves open.
+
+    They show our errors, and the percentiles of the paper's errors among ours.
+    """
     seeds = rows[0]["seeds"]
     against = [(table, number) for table, numbers in EXAMPLES.items() for number in numbers]
     heads = [f"table {t} in example {n}" + (", exchanged" if n != EXAMPLES[t][0] else "") for t, n in against]

@@ -159,7 +159,7 @@ class _Step:
     def _move_parameter(self, y: Array, u: Array, past: Past, at: Weighed) -> None:
         """Run the parameter's filter (the paper, section 5.3) for one sample.
 
-        `at`: past states weighted for the order.
+        `at`: sum of the past states, with the weights of the fractional difference for the newest order.
         """
         before = self.parameter
         points = self._sigma_points(before)
@@ -187,7 +187,8 @@ class _Step:
         sides = 1 / (2 * scale)
         mean = np.array([[self.reading.kappa / scale], [sides], [sides]])
         covariance = mean.copy()
-        covariance[0] += 2  # the first weight of a covariance has the additional term 1 - 𝔄² + 𝔅, with 𝔅 = 2
+        # The paper adds 1 - 𝔄² + 𝔅 to the first weight. 𝔄, the width of the sigma points, is 1; 𝔅 is 2.
+        covariance[0] += 2
         covariance[: self.reading.sums_from] = 0
         dx, dy = points - points[0], Y - np.sum(mean * Y, axis=0)
         Pyy = np.sum(covariance * dy * dy, axis=0) + R

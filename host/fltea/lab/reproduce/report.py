@@ -66,7 +66,10 @@ class Report:
         return exchange.evidence({example: self._outcomes(str(example)) for example in (2, 3)})
 
     def document(self, rows: Mapping[str, list[Row]]) -> str:
-        """Return the rows from `run` as Markdown, with an inference on the exchange of tables 3 and 4."""
+        """Return the rows from `run` as Markdown.
+
+        The text says whether tables 3 and 4 are likely printed each in the place of the other.
+        """
         found = self.exchange()
         return paper_tables.document(rows, [] if found is None else [exchange.text(found)])
 
@@ -116,7 +119,7 @@ class Report:
             return paper_tables.time_rows(dict(times))
         rows: list[Row] = []
         for name in _of_table(table):
-            # there is no scenario of this name only if the recording lacks the axis
+            # without a scenario of this name, the recording lacks the axis
             if name not in self._scenarios:
                 continue
             scenario, results = self._scenarios[name], self._outcomes(name)

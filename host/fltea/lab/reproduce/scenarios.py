@@ -165,9 +165,10 @@ UNKNOWN_R, UNKNOWN_FILTER_R = 0.05, 0.3
 """UNKNOWN_R: variance of the measurement noise v. UNKNOWN_FILTER_R: the R that the filters use, which is
 about the variance of y, as in the paper's section 7.
 
-One step adds to x the variance STEP_VARIANCE = h^2(α₁+α₂) E[ωω'], as the filters assume. With R = 0.05 in the
-filters, the paper's algorithm diverges for every seed, since its filters of order and parameter ignore the
-variance of the estimated state.
+One step adds to the state x the variance STEP_VARIANCE = h^(2 (α₁ + α₂)) Q, as the filters assume. Here Q is
+the variance of the white noise ω, α₁ the order of x, and α₂ the order of its source (0 if white). With R =
+0.05 in the filters, the paper's algorithm diverges for every seed, since its filters of order and parameter
+ignore the variance of the estimated state.
 """
 
 

@@ -69,7 +69,10 @@ RESTING = (
 
 
 def driven() -> list[Scenario]:
-    """Return examples 1 and 2 with every saw-tooth, and example 3, each with its longest L only."""
+    """Return the driven cases: the paper's examples 1 and 2 with each input in `SAWTEETH`, and example 3.
+
+    Each has its longest L only, the number of past states that the filters use.
+    """
     cases = [example(number, sawtooth) for number in (1, 2) for sawtooth in SAWTEETH]
     return [replace(case, lengths=case.lengths[:1]) for case in [*cases, example(3, SawTooth())]]
 
@@ -84,15 +87,15 @@ def score(seeds: int, options: Options, advance: Callable[[str, int], None]) -> 
 
     Keys:
         not_finite: number of runs that are not finite. far_off: number of runs that are far off. state,
-        parameter, order: for driven cases, medians of the squared errors over the finite runs. kept: the same
-        medians over the seeds whose run without a guard is finite and not far off. alpha, f: for resting
-        cases, medians of the last estimates of finite runs.
+        parameter, order: for cases with an input, medians of the squared errors over the finite runs. kept:
+        the same medians over the seeds whose run without a guard is finite and not far off. alpha, f: for a
+        gyroscope at rest, medians of the last estimates of finite runs.
 
     A median that overflows, or that has no run, is None.
     """
     rows = []
     for simulated in driven():
-        # the data are computed only once, and used for all guards
+        # the samples are computed only once, and each kind of guard (see the module) runs over them
         case = replace(simulated, make=cache(simulated.make))
         name = f"{case.title}, {case.source}"
         told = partial(advance, name)

@@ -105,4 +105,6 @@ CHECKS: dict[str, Callable[[Asked], Iterator[Finding]]] = {
     "nats": _nats,
     "synthetic": _synthetic,
 }
-"""Function that checks a source, by the first scheme of its kind in `SOURCES`."""
+"""For each kind of source, the function that checks such sources. The key is the first URL scheme of the
+kind's row in `SOURCES`.
+"""

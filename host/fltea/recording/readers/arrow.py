@@ -50,9 +50,9 @@ class _Column(NamedTuple):
     `source`: column of the file that contains it. `kind`: Arrow type of its values, or of the elements if
     they are lists.
 
-    `place`: index of this column's value in lists of `of` values; None: the values of `source` are no lists.
-    `is_date`: whether the texts are dates or times of day. `words`: the different texts, if there are few and
-    they distinguish sensors.
+    `place`, `of`: if the values of `source` are lists, they have `of` elements, and this column is the
+    element with the index `place`. If they are no lists, `place` is None. `is_date`: whether the texts are
+    dates or times of day. `words`: the different texts, if there are few and they distinguish sensors.
     """
 
     label: str
@@ -118,7 +118,7 @@ class _Reader:
         self._last_s = self._passed_s = 0.0
 
     def read(self, table: Any) -> Floats:
-        """Return the column's numbers in a batch. Times become seconds, and words become numbers from 0."""
+        """Return the column's numbers in a batch. Times become seconds; words, their index in `words`."""
         import pyarrow as pa
         from pyarrow import compute
 

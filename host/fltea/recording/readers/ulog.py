@@ -228,8 +228,8 @@ class _LogScan:
             return FILE_HEAD_BYTES, []
         flags, *begins = APPENDED.unpack(found)
         begins = sorted({one for one in begins if end < one < self._size}) if flags & 1 else []
-        # In a log without its holes, the offsets of the appended parts would be wrong, so the flag is cleared
-        # and the offsets become zeros
+        # The log is written again without its damaged bytes, so the offsets of appended parts would be wrong.
+        # The flag that says that there are such parts is cleared, and the offsets become zeros.
         if begins:
             self._is_changed = True
             self._keep(FILE_HEAD_BYTES, APPENDED_AT)
