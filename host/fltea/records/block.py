@@ -185,7 +185,7 @@ class Block:
 
     @property
     def weight_of_row(self) -> int:
-        """Number of records that outputs make of each sample for which records are written."""
+        """Number of records that outputs write for one of the rows in `due_rows`."""
         return 1 + bool(self.estimates) + (self.corrected_dps is not None)
 
     @property

@@ -49,7 +49,7 @@ class Reads(NamedTuple):
         return cls(b"".join(datas), np.array([*accumulate(map(len, datas))]), *map(np.array, times))
 
     def rows(self, begin: int, end: int) -> "Reads":
-        """Return the reads from `begin` to before `end`."""
+        """Return those reads whose indices are from `begin` to `end` - 1, with their bytes and times."""
         first = int(self.end[begin - 1]) if begin else 0
         rows = slice(begin, end)
         data = self.data[first : int(self.end[end - 1])]

@@ -34,9 +34,9 @@ class SensorKind(NamedTuple):
     unit: str
     """Unit of the samples in records."""
     text_unit: str
-    """The same unit in texts for people, and in figures of `fltea identify`."""
+    """The unit of the samples in texts for people, and in figures of `fltea identify`."""
     column_unit: str
-    """The same unit in names of columns and fields, such as gyro_dps and accel_x_ms2."""
+    """The unit of the samples as it is spelled in names of columns and fields, such as gyro_dps."""
     quantity: str
     """What the sensor measures, in a word."""
     settings: str
@@ -44,7 +44,9 @@ class SensorKind(NamedTuple):
     scale_field: str
     """Field of `Hello` that states the sensor's scale, the number of counts in 1 deg/s or in 1 g."""
     scale_size: float
-    """Size in `unit` of the 1 deg/s or 1 g to which the number of counts in `scale_field` refers."""
+    """The field `scale_field` of `Hello` says how many counts are 1 deg/s or 1 g. This is the same quantity,
+    1 deg/s or 1 g, in `unit`.
+    """
 
     def resolution(self, hello: WithScales) -> float | None:
         """Return the size of one count in `unit`; None if the scale is not known or samples are no counts."""

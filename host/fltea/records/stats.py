@@ -41,7 +41,7 @@ class DeviceStatus(msgspec.Struct, frozen=True):
     """Longest duration of one pass of the device's main loop since the device's last report [µs]."""
 
 
-# The sources fill it. What is found in the stream of samples, such as a gap's length, is in `SampleStats`.
+# The sources fill `LinkStats`. What is found in the samples, such as a gap's length, is in `SampleStats`.
 class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Counts of bytes and frames that arrived or were lost in transit, since the start of the program."""
 

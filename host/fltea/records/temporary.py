@@ -127,9 +127,10 @@ def work_folder() -> Iterator[Path]:
 
 @functools.cache
 def process_folder() -> Path:
-    """Return a folder as `work_folder` yields it, which is kept until this process ends.
+    """Return a folder for temporary files, the same at each call, which is removed when this process ends.
 
-    Signals remove this folder only while the process also uses `work_folder`.
+    If SIGTERM or SIGHUP ends the process, the folder is removed at once only while `work_folder` is in use,
+    which handles these signals. Otherwise a later process removes it.
 
     Raises:
         TemporaryFailed: the folder cannot be made.

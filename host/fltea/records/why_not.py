@@ -1,4 +1,4 @@
-"""List texts that say why the record `device_estimate` has no differences, for the page and the terminal."""
+"""Texts for page and terminal: why a `device_estimate` has no difference to this computer's estimate."""
 
 from fltea.records.estimate import WhyNot
 

@@ -179,9 +179,10 @@ class DeviceStream:
         return self._pipeline.device
 
     def _printed(self, items: Iterable[AnyRecord | Block]) -> tuple[list[AnyRecord | Block], ByText]:
-        """Return the records and blocks unchanged, and in addition with their blocks converted to text.
+        """Return two things: the list of records and blocks, and for each kind of text the list with text.
 
-        For each kind of printed text that an output takes, there is one version with text.
+        The kinds of text are those that outputs take. A list with text has the same records, but each block
+        is converted to text.
         """
         texts = () if self._pipeline.has_board else self._hub.printing(self.name)
         found: list[AnyRecord | Block] = []

@@ -113,7 +113,7 @@ class QueueCounts:
         self.in_hand, self._lost_before = 0, None
 
     def end(self) -> None:
-        """Note that the output takes no more records."""
+        """Count the waiting records as dropped, since the output takes no more records."""
         self.dropped += self.waiting
         self.waiting = 0
         if self._lost_before is not None:  # it is unknown how much of the last batch was written

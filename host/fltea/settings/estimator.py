@@ -242,12 +242,12 @@ class EstimatorConfig(Table, frozen=True):
 
     @property
     def window_samples(self) -> int:
-        """The setting `window` in samples. If the setting is a time, the number is known only after `at`."""
+        """The setting `window` in samples. A setting in seconds has to be converted by `at` first."""
         return known("window", self.window)
 
     @property
     def startup_samples(self) -> int:
-        """The setting `startup` in samples. If the setting is a time, the number is known only after `at`."""
+        """The setting `startup` in samples. A setting in seconds has to be converted by `at` first."""
         return known("startup", self.startup)
 
     @property

@@ -21,8 +21,8 @@ from fltea.records.ports import Wanted
 from fltea.records.records import ACCEL_UNIT
 
 MOST = 4096
-"""The text between the numbers is kept for each pair of a device and a kind of text, but for at most this
-number of pairs. If there are more, all texts are made anew.
+"""The text of a JSON line between the numbers is kept for each pair of a device and a choice of records, for
+at most this number of pairs. If there are more, all texts are made anew.
 """
 
 HOLE = re.compile(rb"\0(\d+) (\d+)\0")

@@ -87,7 +87,7 @@ def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
 
 
 def _held_by(path: Path) -> Held:
-    """Return counts of what a file still contains."""
+    """Return counts of items, bytes and gaps that can still be read from a file."""
     items = gaps = NOTHING
     # the content after an unreadable position counts as lost
     with contextlib.suppress(OSError, ValueError, UsageError):

@@ -131,7 +131,7 @@ class ByTime:
 
     @property
     def rate_hz(self) -> float | None:
-        """Sampling rate, measured or given by the user; None as long as samples wait."""
+        """Sampling rate, measured or given by the user; None while it is still being measured."""
         return self._timing.rate_hz if self._timing is not None else None
 
     @property

@@ -269,7 +269,7 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
         raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, block.gyro, accel)
         begins = [0, *np.flatnonzero(breaks).tolist()]
         for begin, end in zip(begins, [*begins[1:], len(sequence)], strict=True):
-            if begin or end == 0:  # `end == 0`: an epoch begins with this block
+            if begin or end == 0:  # `end == 0`: the epoch begins with the block's first sample
                 yield Break("restart", int(host_ns[begin]))
             if end > begin:
                 yield raw.rows(begin, end)

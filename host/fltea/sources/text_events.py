@@ -56,7 +56,7 @@ class Counts:
 class LeftOut:
     """Rows of numbers that are no sample. `counts`: their number, by reason. `newest`: text about the last.
 
-    `told`: number of all lines without a sample when such lines were last reported.
+    `told`: the number of all lines without a sample, as it was at the last report of such lines.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class LeftOut:
         self.told = 0
 
     def add(self, found: Mapping[str, tuple[int, int]]) -> None:
-        """Count rows. `found`: as in `Samples.left_out`."""
+        """Count rows that are no sample. `found`: for each reason, the first such row and their number."""
         for reason, (line, count) in found.items():
             self.counts[reason] += count
             self.newest = f"line {line} {REASONS[reason]}"

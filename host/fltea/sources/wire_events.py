@@ -95,12 +95,11 @@ class WireEvents:
         self.decoder.unix_offset_ns = offset_ns
 
     def feed(self, item: TransportEvent | Reads | None, now_ns: int) -> Iterator[Event]:
-        """Yield the events of one transport event, or of many reads.
+        """Yield the events (such as a HELLO or samples) that follow from what came from the port.
 
-        An `item` of None says that nothing came for a while.
-
-        Many reads may be passed together. They give the same events as if they were passed one by one,
-        including the ticks for the silence between them.
+        `item`: one event of the transport, or the bytes of many reads, or None: nothing came for a while.
+        Many reads give the same events as if they were passed one by one, including a `Tick` where nothing
+        came for a while between them.
         `now_ns`: present time of the monotonic clock [ns]. For a recording, it is the recorded time of the
         event or of the first read.
         """

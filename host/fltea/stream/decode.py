@@ -37,7 +37,8 @@ class Stop(IntEnum):
     and the axes that became invalid.
     """
     EPOCH = 4
-    """The next sample begins an epoch. Details: the fields of `FirstSample`."""
+    """The next sample begins an epoch, after a restart or a long gap. Details: the fields of `FirstSample`.
+    """
     HAPPENED = 5
     """At the last processed sample there were events. Details: for each event, the sensor, and what happened:
     axes that became invalid, a step, or a motion.

@@ -82,10 +82,10 @@ class RefitTimes:
     """Decides at which samples of an epoch refits begin. The samples are numbered from 1.
 
     The numbers at which refits may begin are multiples of the period, in samples. A refit takes effect before
-    the next multiple. Only a model search may take longer. A longer search delays the refits that no estimate
-    uses. `grows`: whether the time between model searches grows with the record; if not, every refit is a
-    model search. `every`: whether refits that no estimate uses are made as well, since an output shows them.
-    The refits that estimates use do not depend on `every`.
+    the next multiple; only a model search may take longer. The estimates use only the regular model searches.
+    The other refits are made for outputs that show fits; a long search delays them. `grows`: whether the time
+    between model searches grows with the record; if not, every refit is a model search. `every`: whether the
+    other refits are made. The model searches do not depend on it.
     """
 
     def __init__(self, rate_hz: float, *, grows: bool, every: bool) -> None:

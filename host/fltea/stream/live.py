@@ -35,10 +35,9 @@ from fltea.stream.tracked_models import TrackedModel, TrackedModelMaker
 NO_VERDICT = ("too few samples",)
 """Verdicts of a fit that say nothing about the noise. Such a verdict never counts as stable."""
 REFILTERED = 32
-"""Before a refit takes effect, the samples that the tracker remembers have to be filtered with the new noise
-model. The fit worker does so this many samples before the effect. The device stream then has to filter only
-this many samples itself (about 5 µs per axis). The test for steps covers as many past samples as without a
-refit.
+"""When a refit takes effect, the samples that the tracker remembers have to be filtered with the new noise
+model, so that the tracker can test them for steps. The fit worker filters them this many samples earlier. The
+device stream then has to filter only this many samples itself (about 5 µs per axis).
 """
 BREAK = 9
 """When a stretch of samples ends, at least this many samples count as lost, since the true number may be
@@ -62,7 +61,7 @@ class AcceptedFit(NamedTuple):
     tracked_model: TrackedModel | None = None
 
     def followed_by(self, refitted: AxisRefit, maker: TrackedModelMaker) -> "AcceptedFit":
-        """Return the accepted fit that replaces this one after the refit `refitted`."""
+        """Return the accepted fit that the estimates use after a refit, `refitted`, in place of this one."""
         fit, tracked_model = refitted.fit, maker.tracked_model(refitted.noise, self.tracked_model)
         agreed = self.fit is not None and self.fit.verdict == fit.verdict and fit.verdict not in NO_VERDICT
         stands = fit if agreed or (self.stands and self.stands.verdict == fit.verdict) else self.stands
@@ -90,7 +89,8 @@ class _Begun(NamedTuple):
     samples: int
     refit: Refit
     refits: dict[str, Callable[[], tuple[AxisFit, AcceptedFit]]]
-    """For each axis, a function that returns the fit of the axis, and the accepted fit after it."""
+    """For each axis, a function that returns the new fit, and the accepted fit from when it takes effect on.
+    """
     refilters: int
     """Number of the sample after which the fit worker filters the remembered samples with the new models."""
     refiltered: tuple[Callable[[], None], ...] = ()
@@ -121,7 +121,10 @@ class Sums:
         return self._notices() != self._noticed
 
     def note(self) -> None:
-        """Note that a refit takes account of all that was noticed until now."""
+        """Remember that a refit takes account of everything that was noticed so far.
+
+        The sums notice steps and changes of the noise.
+        """
         self._noticed = self._notices()
 
     def _notices(self) -> int:
@@ -212,10 +215,13 @@ class LiveFits:
         return NEVER if self._begun is None else self._before_first + self._begun.refit.counts
 
     def refit(self, moment: Moment, tracks: Callable[[str], Tracks]) -> None:
-        """Begin a refit if one is due. If it is time, also filter the remembered samples for the last refit.
+        """Begin a refit if one is due. Shortly before a refit takes effect, prepare the tracker for it.
 
-        `moment`: number and times of the last processed sample; its number is `due` or higher. `tracks`:
-        function that returns the tracker of the sensor to which an axis belongs.
+        To prepare the tracker, the fit worker filters the samples that the tracker remembers with the new
+        model.
+
+        `moment`: number and times of the last processed sample; its number is at least the attribute `due`.
+        `tracks`: function that returns the tracker of the sensor to which an axis belongs.
         """
         number = moment.seq - self._before_first
         self._refilter(number, tracks)

@@ -112,7 +112,8 @@ class Pipeline:
             if stop in HANDLERS:
                 now_ns = int(raw.host_ns[row]) if stop in BEFORE_SAMPLE else self._time.now_ns
                 yield from self.stopped(stop, now_ns, details)
-        self._time.now_ns = int(raw.host_ns[-1])  # noted even if the device ignores the last samples
+        # the native device may ignore the last samples, for example if their clock is wrong
+        self._time.now_ns = int(raw.host_ns[-1])
 
     def took(self, rows: Rows, host_ns: Ints) -> Iterator[Output]:
         """Yield the samples that the native device has processed, together with the results for them.
@@ -193,8 +194,8 @@ class Pipeline:
         found = list(self._fits.counted())
         self._sensors.go_by_fits(self.device)
         self._set_fit_times()
-        # The records of the fit are yielded only after the sensors have changed to that fit: an output that
-        # receives these records also needs the new verdicts (`words`), which the next samples have.
+        # The records of the fit are yielded only after the objects of the sensors use that fit: an output
+        # that receives these records also needs the new verdicts, which `words` holds for the next samples.
         yield from found
 
     def _on_fit_due(self, details: None) -> Iterator[Output]:
@@ -278,7 +279,10 @@ class Pipeline:
 
     @property
     def words(self) -> object:
-        """Values that all records of samples share until the native device stops again, such as verdicts."""
+        """Values, such as verdicts, that are equal in all records of samples until the next `Stop`.
+
+        At a stop, the native device returns from a loop over samples.
+        """
         return self._decoder.epoch, self._sensors.words
 
     @property
@@ -373,4 +377,4 @@ report no event.
 """
 
 BEFORE_SAMPLE = {stop for stop in Stop if stands_before_sample(stop)}
-"""Kinds of stops before the device processes the next sample. Other stops come after the last sample."""
+"""Kinds of stops that belong to the next sample. Other stops belong to the sample processed last."""

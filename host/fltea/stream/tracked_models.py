@@ -22,13 +22,14 @@ from fltea.spectrum.live_axes import Noise
 from fltea.spectrum.wording import names
 
 ENOUGH = 3000
-"""If a fit has at least this number of samples, its noise model replaces the bank of random walks, with which
-the tracker begins. A fit of fewer samples shows too little of slow noise.
+"""The tracker begins with a bank: filters that run side by side, each for a random walk of another size. If a
+fit has at least this number of samples, its noise model replaces the bank. A fit of fewer samples shows too
+little of slow noise.
 """
 FEWEST, LIKELIER = 300, 30.0
 """If a fit has fewer samples than `ENOUGH`, but at least `FEWEST`, its noise model has to be far likelier
-than the bank of random walks to replace it: 2 log L (twice the log likelihood) of the samples must be higher
-by more than `LIKELIER` than with the bank.
+than the tracker's first model, a bank of random walks, to replace it: 2 log L (twice the log likelihood) of
+the samples must be higher by more than `LIKELIER` than with the bank.
 """
 AHEAD_S = 1, 10, 60, 600, 3600
 GROWTH, APART = 1.5, 0.5

@@ -42,7 +42,7 @@ def rules_of(live: LiveConfig, h: float, unit: str) -> TrackerRules:
         largest_gravity_step=live.largest_step_ms2,
         still=max(round(STILL_S / h), 1),
         patience=max(round(LONGEST_MOTION_S / h), 1),
-        settles=not is_gyro,  # a tilted accelerometer stays at its new value without moving
+        settles=not is_gyro,  # an accelerometer that stays at another value is tilted, not in motion
     )
 
 
@@ -105,11 +105,9 @@ class SensorTracks:
         self.tracker.skip(count)
 
     def maker(self, axis: str) -> TrackedModelMaker:
-        """Return an object that makes the tracker model of an axis, for `AcceptedFit.followed_by`.
+        """Return an object that makes the tracker model of an axis from a fit, for `AcceptedFit.followed_by`.
 
         The object uses those samples that the axis's tracker remembers at the time of this call.
-
-        `AcceptedFit.followed_by` uses this object.
         """
         given = self._offsets[self.names.index(axis)] is not None
         return TrackedModelMaker(self.remembered(axis), self.tracker.rules, self.h, self.unit, given)

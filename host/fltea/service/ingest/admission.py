@@ -67,9 +67,9 @@ class Admission(Generic[M]):
     def judge(self, name: str, now_ns: int, message: M, size: int) -> tuple[Verdict, M | None, int]:
         """Judge a message of `size` bytes, and count it if it is not accepted.
 
-        Return the verdict, a message and a size. For a new device, the message is its first one. If its first
-        message was not kept, the message is None, and the size is that of the first message. In all other
-        cases the values are None and 0.
+        Return the verdict, a message and a size in bytes. With the verdict "new", the message is the first
+        one of the device, which waited until now, and the size is 0. If the first message was not kept, the
+        message is None, and the size is the first message's. With other verdicts these are None and 0.
         """
         if name in self._admitted:
             return "in", None, 0

@@ -67,11 +67,10 @@ class CatchingUp:
         return now_ns - self._behind_ns.get(partition, 0) < BEHIND_NS
 
     def walked_again(self, partition: int, mark: int) -> int:
-        """Note that message number `mark` of a partition is processed.
+        """Remember that message number `mark` of a partition was processed.
 
-        Returns:
-            The number of messages that were processed a second time, if this is the first message after them;
-            else 0.
+        After another worker has stopped, its last messages are processed a second time. Return how many, if
+        this is the first message after those; else 0.
         """
         again = self._again.get(partition)
         if again is None:

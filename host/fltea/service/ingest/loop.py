@@ -34,8 +34,8 @@ BACK_NS = 15 * 10**9
 WAIT_S, SLICE_S = 0.25, 0.1
 
 HELD_S = 10.0
-"""If the outputs have no room for this time, this is reported [s]. The time for which the program waits for
-room has no limit.
+"""If outputs can take no more data for this long, that is reported [s]. The program waits without a limit
+until they can.
 """
 
 DRAIN_S = 0.3
@@ -87,7 +87,7 @@ class Pace:
         return False
 
     def report_full(self) -> None:
-        """Report the outputs that have no room."""
+        """Report the outputs that can take no more data at the moment."""
         if self._once_a_minute.is_due("output_slow", host_ns()):
             slow = ", ".join(sorted(self._hub.full()))
             text = f"{slow} takes no more data at the moment, so {self._url} has to keep the messages."

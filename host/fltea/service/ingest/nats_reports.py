@@ -36,15 +36,15 @@ class Reports:
         self._differences: set[str] = set()
 
     def begin(self) -> None:
-        """Note that an attempt to connect begins."""
+        """Forget what was known of the server, since an attempt to connect begins."""
         self._reached, self._refusal = False, ""
 
     def on_server(self) -> None:
-        """Note that a NATS server answers."""
+        """Remember that a NATS server has answered."""
         self._reached = True
 
     def refused(self, error: Exception) -> None:
-        """Note that the server refuses a request.
+        """Remember that the server refuses a request.
 
         The server does not answer such a request. It sends the reason for the refusal separately.
 

@@ -33,20 +33,22 @@ class Progress:
         return partition not in self._left_out
 
     def leave_out(self, partition: int | None) -> None:
-        """Note that a message of a partition was not processed."""
+        """Remember that a message of a partition was not processed."""
         if partition is not None:
             self._left_out.add(partition)
 
     def note(self, done: Mapping[int, int]) -> None:
-        """Note the number of the last message that was processed of each partition in `done`.
+        """Remember up to which message each partition is processed.
 
-        Ignore it for a partition of which a message was left out.
+        `done`: number of the message, by partition.
+
+        A number is ignored if an earlier message of its partition was left out, which has to come again.
         """
         for partition in done.keys() - self._left_out:
             self._note(partition, done[partition])
 
     def resume(self, partition: int) -> None:
-        """Note that those messages of a partition that were left out come again."""
+        """Process a partition again: the broker now delivers the messages that were left out once more."""
         assert self.shared is not None
         self._left_out.discard(partition)
         self.shared.resume(partition)

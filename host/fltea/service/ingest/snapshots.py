@@ -92,8 +92,8 @@ class Snapshots:
                 continue
             state = device.stream.save()
             if state is None and young < self._period_ns:
-                # while the start-up window fills, no newer snapshot is needed: another worker has to begin at
-                # the device's first message anyway
+                # There is no state to save while the start-up window fills, the first samples of an epoch. A
+                # worker that takes the device over then has to begin at its first message anyway.
                 continue
             device.is_whole = True
             mark = max(device.mark, walked.get(device.partition, 0))

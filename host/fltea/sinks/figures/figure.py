@@ -29,13 +29,16 @@ of an axis.
 
 
 class Hidden(NamedTuple):
-    """Declares that a place does not show a figure. `why`: the reason, for readers of the source code."""
+    """Declares that an output, such as the page or the terminal, does not show a figure.
+
+    `why`: the reason, for readers of the source code.
+    """
 
     why: str
 
 
 class Shown(NamedTuple):
-    """Declares that a place shows a figure in its own layout. `where`: where in this place the figure is."""
+    """Declares that an output shows a figure in its own way. `where`: where in the output it stands."""
 
     where: str
 
@@ -166,10 +169,10 @@ class Figure(NamedTuple):
 
 
 class Root(NamedTuple):
-    """The position of a part of a record in this record.
+    """Where the objects of a class stand within a record.
 
-    `path`: path of fields to the part; empty if the part is the whole record. `metrics`: beginning of the
-    names of metrics for the part's figures, after `fltea_`.
+    `record`: type of the record. `path`: path of fields to the object; empty if the object is the record
+    itself. `metrics`: text after `fltea_` with which the names of the metrics begin.
     """
 
     record: type[Record]

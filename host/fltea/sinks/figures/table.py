@@ -1,4 +1,4 @@
-"""List all published figures, and all numbers of records that no place shows, with the reasons."""
+"""List all published figures, and the numeric fields of records that no output shows, with the reasons."""
 
 from collections.abc import Iterator
 

@@ -23,10 +23,10 @@ def discovery_topic(prefix: str, level: str) -> str:
 
 
 def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats]) -> dict[str, object]:
-    """Return the configuration of a device.
+    """Return the message by which Home Assistant finds a device and all its figures.
 
-    `topics`: the beginning of all topics of the device, `<mqtt.prefix>/<level>`. `axes`: the axes of the
-    device, by name.
+    `level`: name of the device in topics. `topics`: the beginning of all its topics, `<mqtt.prefix>/<level>`.
+    `axes`: the axes of the device, by name.
     """
     device = {
         "identifiers": [_object_id(level)],
@@ -60,7 +60,11 @@ def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats])
 
 
 def _is_by_axis(figure: Figure, entity: Entity) -> bool:
-    """Return whether each axis has an entity for the figure. An entity with a template is the device's."""
+    """Return whether each axis has an entity of its own for the figure, or the device has one for all.
+
+    Home Assistant computes an entity's value by a template. If the figure brings its own template, that one
+    reads the values of all axes, so the device has one entity.
+    """
     return ROOTS[figure.kind].by_axis and not entity.template
 
 

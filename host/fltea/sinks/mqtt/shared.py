@@ -90,7 +90,7 @@ class SharedConnection:
         return mid
 
     def leave(self, view: View) -> None:
-        """Forget the view of one device."""
+        """End the part that one device has in the shared connection, its view."""
         self._views.pop(view, None)
 
     def close(self, deadline_s: float) -> None:

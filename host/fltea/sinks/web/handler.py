@@ -199,7 +199,7 @@ class NotFound(Handler):
     """Handles a request for something that does not exist."""
 
     async def prepare(self) -> None:
-        """Check whether the request is allowed, and answer that nothing was found."""
+        """Answer that nothing was found (404), or that the request is not allowed."""
         await super().prepare()
         if not self._finished:
             raise HTTPError(HTTPStatus.NOT_FOUND)

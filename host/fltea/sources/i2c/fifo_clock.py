@@ -22,12 +22,13 @@ SPREAD_NS = 5_000_000
 rate is at most this, divided by the time that the kept arrivals span. The clock's drift adds to this error.
 """
 PHASE_NS = 2_000_000
-"""Of the samples of a second, the one with the smallest delay arrives at most this long after it was taken
-[ns].
+"""Of the samples of a second, the one with the smallest delay arrives at most this long after the sensor
+measured it [ns].
 """
 SLACK = 0.5
 """The number of samples in the FIFO may differ by this much from the number that follows from the elapsed
-time [samples]. The possible errors of the measured clock (see the bounds above) are added to this.
+time [samples]. To this are added the possible errors of the measured clock, from the bounds DRIFT, SPREAD_NS
+and PHASE_NS.
 """
 
 
@@ -52,8 +53,8 @@ class FifoClock:
     """Numbers samples from 0 on, and relates these numbers to the host's time.
 
     `rate_hz`: nominal sampling rate. `clock_error`: largest relative error of this rate before any
-    measurement. `next`: number of the next sample. A sample always arrives later than it was taken, by a
-    varying delay. So only the arrival with the smallest delay in every second is used for the clock fit
+    measurement. `next`: number of the next sample. A sample always arrives later than the sensor measured it,
+    by a varying delay. So only the arrival with the smallest delay in every second is used for the clock fit
     (`clock_fit`).
     """
 
@@ -92,9 +93,9 @@ class FifoClock:
         return not least - SLACK <= waiting <= most + SLACK
 
     def resume(self, waiting: int, empty: Span, seen_ns: int) -> Resumed:
-        """Continue the numbers after a loss, and return how many samples were lost.
+        """Skip the numbers of samples that were lost, and return how many these are.
 
-        The FIFO was empty at some time in `empty`, and held `waiting` samples at `seen_ns`.
+        The FIFO was empty at some time in the interval `empty`, and held `waiting` samples at `seen_ns`.
         """
         empty_ns = empty.before_ns
         first_ns = seen_ns - (waiting - 1) * self._period_ns
@@ -125,7 +126,8 @@ class FifoClock:
 
         The newest waiting sample counts as arrived at `seen_ns`. An older sample arrived earlier, by the time
         for which it has waited in the FIFO longer than the newest. This time is computed for the fastest
-        clock that is possible, for which it is shortest. So no sample seems to arrive before it was taken.
+        clock that is possible, for which it is shortest. So no sample seems to arrive before the sensor
+        measured it.
 
         `timely`: whether the samples were counted so quickly that `seen_ns` can be used to estimate the
         clock.

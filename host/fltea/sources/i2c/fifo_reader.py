@@ -73,7 +73,7 @@ class Repeats:
         self._equal = 0
 
     def add(self, row: Row) -> int:
-        """Return how many samples until this one are equal to it, with itself."""
+        """Return the length of the run of equal samples that ends with this one, this one included."""
         self._equal = self._equal + 1 if row == self._last else 1
         self._last = row
         return self._equal
@@ -190,7 +190,7 @@ class FifoReader:
         """Check that the sensor still has its settings, and return the samples that were read before.
 
         The settings of a sensor that lost them do not come back by themselves. So the check also holds for
-        samples that were read long before, when the bus failed.
+        samples that were read before, even if the bus has failed in between.
         """
         self._driver.check_settings()
         samples = [self._sample(*one) for one in self._unchecked]

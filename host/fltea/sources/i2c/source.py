@@ -126,7 +126,7 @@ class Pauses:
         self._tick_ns = self._status_ns = 0
 
     def came(self, host_ns: int) -> None:
-        """Note that samples came, so that no tick is needed for a while."""
+        """Remember that samples came, so that no `Tick` (nothing came) is due for a while."""
         self._tick_ns = host_ns + TICK_NS
 
     def poll(self) -> Iterator[Event]:
@@ -189,7 +189,7 @@ class Identity:
 
 
 class Troubles:
-    """Makes the troubles of one sensor, and leaves out those that were reported in the last minute."""
+    """Makes the events that report troubles of one sensor, each kind at most once a minute."""
 
     def __init__(self, url: str, place: Place, host: SystemClock) -> None:
         self._url, self._place, self._host = url, place, host
@@ -197,7 +197,7 @@ class Troubles:
         self._reported_relative = NO_SENSOR
 
     def forget(self) -> None:
-        """Make every topic reportable again."""
+        """Let every kind of trouble be reported again, even if it was reported in the last minute."""
         self._reported.forget()
 
     def relative(self, who_am_i: int) -> Iterator[Trouble]:
