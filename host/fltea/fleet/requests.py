@@ -7,8 +7,8 @@ from fltea.fleet.roll import Sensor
 ASK_AT_ONCE, ASK_TIMES, ASK_EVERY_S = 200, 3, 30.0
 """Limits for requests to the broker to send retained messages again.
 
-The limits are the number of sensors in one call of `due`, the number of requests for a sensor whose messages
-do not come, and the time between such requests [s].
+One call of `due` returns at most ASK_AT_ONCE sensors. A sensor whose messages do not come is requested at
+most ASK_TIMES times. Two requests for one sensor are at least ASK_EVERY_S apart [s].
 """
 
 

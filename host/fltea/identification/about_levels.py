@@ -44,8 +44,8 @@ def analyse_series(
         series: the samples of the axis.
         h: sampling period [s].
         options: how to identify.
-        left_out: steps and motion to leave out. None: no model is known yet, so what seems to be motion is
-            left out.
+        left_out: steps and motion to leave out. None: the tracker, which finds them, has not run yet; then
+            samples that look like motion are left out.
 
     Raises:
         ValueError: the axis is too short, is constant, or has only a few distinct values.

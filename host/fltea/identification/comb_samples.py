@@ -34,8 +34,8 @@ LEAST_SIGN, NEARLY_ALL = 3.3, 0.85
 """Thresholds for the number of periods that show the average pattern.
 
 Of n periods, more than half must show the pattern. By chance their number would be n/2, with a standard
-deviation of √n/2. The number must exceed n/2 by more than LEAST_SIGN of them. With few periods this may be
-more than n/2; an excess of more than NEARLY_ALL n/2 is always enough.
+deviation of √n/2. The number must exceed n/2 by more than LEAST_SIGN times √n/2. With few periods this may be
+more than n/2; so an excess of more than NEARLY_ALL times n/2 is always enough.
 """
 SEEN = 12.0
 """A harmonic belongs to the wave if its power is more than this many times the noise's power.

@@ -42,8 +42,8 @@ TORN_WITHIN = 0.5
 fraction of it.
 """
 COARSE_LSB, TOO_COARSE_LSB = 2.0, 0.5
-"""Counts are coarse below the first of these standard deviations of the samples [LSB], and too coarse below
-the second.
+"""Counts are coarse if the standard deviation of the samples is below COARSE_LSB [LSB], and too coarse if it
+is below TOO_COARSE_LSB.
 
 From 2 LSB on, rounding is at most 2 % of the variance. Below 0.5 LSB, rounding noise is not white.
 """

@@ -29,8 +29,9 @@ ON_ITS_SHOULDER = 0.1
 """The aliased line makes a hump in the spectrum near frequency 0. The hump's main part ends where the density
 has fallen to this proportion of the density near frequency 0.
 
-The ratio of moments is computed from averages of a few samples each. The averages must be short enough to
-keep oscillations of the frequency at which the main part ends.
+The ratio of the fourth moment to the squared second moment tells a line from noise. It is computed from
+averages of a few samples each, which must be short enough to keep oscillations of the frequency at which the
+main part ends.
 """
 AVERAGED = 6
 """Successive samples are averaged in groups. One period of the oscillation at which the hump's main part ends
@@ -47,8 +48,8 @@ FEWEST_PERIODS = 100
 The power of a random walk is in slower oscillations, of which the record has fewer periods.
 """
 BETWEEN, SURE = (1.2, 2.3), 5.0
-"""Range of the ratio of moments for a line, and by how many standard errors the ratio must be below 3. The
-ratio is the fourth moment divided by the squared second moment.
+"""For a line, the ratio of the fourth moment to the squared second moment lies in the range BETWEEN. It is
+also below 3, the ratio for noise, by at least SURE standard errors.
 
 The range excludes 1, which is the ratio for noise that jumps between two values.
 """
@@ -86,9 +87,9 @@ def folded_line(y: Array, h: float, candidates: CandidateModels) -> Peak | None:
 
 
 def _moments(y: Array, averaged: int) -> tuple[float, float]:
-    """Return the ratio of moments of the averaged samples, and its error.
+    """Return the ratio of the fourth moment to the squared second moment, and its standard error.
 
-    The ratio is that of the fourth moment to the squared second moment.
+    The moments are those of means of `averaged` successive samples.
     """
     count = len(y) // averaged
     means = y[: count * averaged].reshape(count, averaged).mean(axis=1)

@@ -39,8 +39,8 @@ Chance exceeds the threshold once in ten million cases.
 ALTERNATES_SHARE, SCATTER_SHARE = 0.01, 0.1
 """An alternating pattern that is smaller than these proportions of the noise does little harm.
 
-For a pattern in the level of the samples, the first is the proportion of the noise's power. For a pattern in
-the scatter, the second is the proportion of the noise's mean size.
+For a pattern in the level of the samples, ALTERNATES_SHARE is a proportion of the noise's power. For a
+pattern in the scatter, SCATTER_SHARE is a proportion of the noise's mean size.
 """
 GLITCH, GLITCHES = 4.5, 0.05
 """A sample larger than GLITCH times the median size is a glitch, if at most the fraction GLITCHES are so

@@ -14,8 +14,8 @@ CONSTANT = "the offset is as good as constant here; with a record ten times as l
 NOT_TOLD = "the record is too short to tell a random walk from a constant offset"
 TAKEN_OUT = "a high-pass has removed the walk (AC coupling, an auto-zero): the sensor itself may have one"
 MATTERS, MOST = 1.1, 3
-"""The correlation time of a state is listed if the state raises the noise density by at least the factor
-MATTERS. At most MOST times are listed.
+"""The correlation time of a Gauss–Markov state is listed if the state raises the noise density by more than
+the factor MATTERS. At most MOST times are listed.
 """
 
 

@@ -131,7 +131,8 @@ def examine(
         options: how to identify.
         figures: whether to compute the curves that figures show.
         known: data checks of the recording as a whole that concern the axis.
-        left_out: steps and motion to leave out. None: no model is known yet, so apparent motion is left out.
+        left_out: steps and motion to leave out. None: the tracker, which finds them, has not run yet; then
+            samples that look like motion are left out.
         details: whether to find out where the model reproduces the Allan deviation.
 
     Raises:

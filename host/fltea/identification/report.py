@@ -1,7 +1,7 @@
 """Write a report on identified recordings: one self-contained HTML page, and its pictures as SVG.
 
-Verdicts, N, B and K, and the pictures of the noise are visible at once. Reasons, FLTEA and the rest are
-folded.
+Verdicts, N, B and K, and the pictures of the noise are visible at once. Reasons, FLTEA and the rest stand in
+sections that a click opens.
 """
 
 import re

@@ -123,7 +123,7 @@ def _log_likelihoods(walk: OffsetWalk, q: Array, tau: Array) -> Array:
 def _of_axis(walk: OffsetWalk, q: Array, tau: Array, weights: Array, likely: Array) -> OffsetWalk:
     """Return the joint distribution of walk and slope for one axis.
 
-    The distribution of walks is the axes' common one.
+    The distribution of the walks is common to all axes, that of the slopes belongs to this axis.
     """
     slopes = walk.by_walk[2]
     share = np.exp(likely - likely.max(axis=1, keepdims=True))

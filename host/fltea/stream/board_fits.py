@@ -66,7 +66,7 @@ class BoardFits:
         self.came = self.refused = 0
 
     def begin(self, rate_hz: float) -> None:
-        """Note the sampling rate [Hz] of the epoch that begins."""
+        """Remember the sampling rate [Hz] of the epoch that begins."""
         self._rate_hz = rate_hz
 
     def forget(self) -> None:

@@ -142,9 +142,10 @@ class Decoder:
         return SampleStats(delivered, lost, gaps, duplicates, before_hello, rate_differs)
 
     def on_hello(self, hello: Hello) -> bool:
-        """Note a HELLO.
+        """Take over a HELLO, and return whether it is new.
 
-        Return whether this HELLO is the first one, or states another boot or another start of the sensor.
+        A HELLO is new if it is the first one (also after a lost connection), or states another boot or
+        another start of the sensor.
         """
         before = self._hello
         another_boot = before is None or _boot(hello) != _boot(before)
@@ -156,7 +157,7 @@ class Decoder:
         return news
 
     def on_other(self, event: Event) -> None:
-        """Note an event that is neither a HELLO nor samples."""
+        """Process an event that is neither a HELLO nor samples."""
         if isinstance(event, LinkDown):
             self.native.forget_hello()  # the next samples may come from another device
         elif isinstance(event, Break):

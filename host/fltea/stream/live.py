@@ -188,7 +188,7 @@ class LiveFits:
         return self._sums.of_sensors
 
     def begin_numbers(self, seq: int) -> None:
-        """Note that the first sample of the epoch has the number `seq`."""
+        """Count the samples for refits from the first sample of the epoch on, which has the number `seq`."""
         period = self._period()
         self._times.begin(period)
         self._before_first = seq - 1 + turn(self._fit_worker, self._number, period)

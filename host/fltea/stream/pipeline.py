@@ -134,7 +134,7 @@ class Pipeline:
         return HANDLERS[stop](self, details)
 
     def came_to(self, now_ns: int) -> None:
-        """Note the arrival time [ns] of samples that the native device has processed without a stop."""
+        """Remember the arrival time [ns] of samples that the native device has processed without a stop."""
         self._time.now_ns = max(self._time.now_ns, now_ns)
 
     def _on_stats_due(self, details: None) -> Iterator[Output]:

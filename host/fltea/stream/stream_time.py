@@ -47,7 +47,7 @@ class StatsTimes:
         device.stats_due_ns = -NEVER if watched else NEVER
 
     def pass_time(self, now_ns: int) -> bool:
-        """Note that an event came. Return whether the statistics are due before it.
+        """Take notice of an event. Return whether the statistics are due before it.
 
         Before the first event no statistics are due, since nothing has happened yet.
         """
