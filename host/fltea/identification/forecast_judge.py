@@ -68,7 +68,7 @@ class Piece(msgspec.Struct, frozen=True):
     seen: float
     """Observed standard deviation of the heading after `t_s` seconds."""
     within: float
-    """Proportion of the pieces whose errors are inside the predicted 95 % band."""
+    """Proportion of the pieces (time spans) whose errors are inside the predicted 95 % band."""
     deviations: float
     """Distance from 1 of the ratio of the observed to the predicted mean square, in standard deviations."""
     fails: bool
@@ -97,7 +97,7 @@ class BiasPiece(msgspec.Struct, frozen=True):
     """
     seen: float
     within: float
-    """Proportion of the pieces whose errors are inside the predicted 95 % band."""
+    """Proportion of the pieces (time spans) whose errors are inside the predicted 95 % band."""
     deviations: float
     """Distance from 1 of the ratio of the observed to the predicted mean square, in standard deviations."""
     fails: bool
@@ -165,7 +165,7 @@ class Errors(NamedTuple):
 
     @property
     def within(self) -> float:
-        """Proportion of the pieces whose errors are inside the predicted 95 % band."""
+        """Proportion of the pieces (time spans) whose errors are inside the predicted 95 % band."""
         return float((self.squares <= NORMAL_95**2).mean())
 
     @property
