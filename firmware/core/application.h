@@ -115,8 +115,9 @@ class Application {
     static constexpr uint32_t kReadUs =
         (Mpu9250::kBurstBytes + Mpu9250::kGuardBytes + 6) * 9 * 1000000 / settings::kI2cHz;
     static_assert(kReadUs < settings::kSamplePeriodUs * 3 / 4, "the bus has to take all samples");
-    // The estimates of three axes take 1.1 ms of processor time. Even a ring buffer as small as Arduino's
-    // must have room for ESTIMATOR in the middle between two samples (Link::send).
+    // There are two reasons for this limit. The estimates of three axes take 1.1 ms of processor time per
+    // sample. And half a sampling period after a sample was sent, even a send buffer as small as Arduino's
+    // must have room for the message ESTIMATOR (Link::send).
     static_assert(!settings::kEstimate || settings::kSamplePeriodUs >= 2000, "too fast for estimates");
 
     static constexpr uint32_t kLateUs = settings::kSamplePeriodUs / 10;

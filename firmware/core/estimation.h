@@ -73,7 +73,7 @@ class Estimation {
 
     bool busy() const { return waiting_ != 0 || noise_.passing(); }
 
-    // Returns the noise fits, which use the same samples. Use them only when busy() is false.
+    // Returns the noise fits, which use the same samples as the filters. Use them only when busy() is false.
     NoiseFit& noise() { return noise_; }
     const NoiseFit& noise() const { return noise_; }
 

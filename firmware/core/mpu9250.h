@@ -168,7 +168,7 @@ class Mpu9250 {
         return kSettings;
     }
 
-    // Index of the setting that belongs to byte 0 of the guard registers.
+    // Index of the setting that belongs to the first of the registers that read_guard() reads.
     static constexpr size_t kGuardStart = 1;
 
   private:

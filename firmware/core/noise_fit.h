@@ -71,7 +71,7 @@ class NoiseFit {
     size_t axis_ = 0;  // axis that is being fitted
     // number of batches of counts that have entered the octaves of the spectra of all axes since begin()
     uint32_t passages_ = 0;
-    uint32_t gathered_ = 0;  // value of passages_ when the bins were begun
+    uint32_t gathered_ = 0;  // number of batches in the spectra when the bins were begun
     uint32_t age_ = 0;       // number of samples since the start-up window, including lost ones
     uint32_t next_age_ = 0;  // value of age_ at which the next round of fits is due
     uint32_t bins_age_ = 0;  // value of age_ when the bins were begun

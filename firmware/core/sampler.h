@@ -113,9 +113,9 @@ class Sampler {
         pass(came > by_time ? came : by_time);
     }
 
-    // Counts instants by the elapsed time while no edges come. Each instant is counted half a period late.
-    // When edges come again, the next edge is then one period after the last counted instant, and counts as
-    // exactly one instant.
+    // Counts sampling instants by the elapsed time while the sensor's interrupt gives no edges. Each instant
+    // is counted half a period after it was due. The next edge, if edges come again, is then one period after
+    // the last counted instant, and counts as exactly one instant.
     void pass_by_time(uint32_t now_us) {
         const uint32_t elapsed_us = now_us - accounted_us_;
         if (elapsed_us < kPeriodUs + kPeriodUs / 2) return;

@@ -28,16 +28,16 @@ class AxisMotion {
         bool knock;      // whether the chunk shows more than noise around the predictions
         float mean;      // mean of the chunk's innovations
         float variance;  // variance of this mean at rest
-        // number of consecutive knocks, up to this chunk, in which the innovations scattered little about
-        // their own mean, and whose mean was near that of the chunk before
+        // number of consecutive chunks, ending with this one, that were knocks at a steady level: the
+        // innovations scattered little about their mean, and this mean was near that of the chunk before
         std::uint16_t stood;
     };
 
     // Begins without a filter. Samples then take the place of innovations, and their usual power, in squared
     // counts, is learned from the first chunks.
     AxisMotion() { begin(kOfRounding, 0); }
-    // Begins with a filter. For judge(), the usual power of innovations is then at least the variance S that
-    // the filter predicts for them.
+    // Begins to judge the innovations of a filter. judge() then assumes that their usual power is at least
+    // the variance S that the filter predicts for them.
     void begin_with_filter() { begin(1, kLearned); }
 
     // Adds an innovation. It must not have been clipped before.

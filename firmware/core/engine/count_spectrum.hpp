@@ -81,7 +81,7 @@ struct CountSpectrum {
                 if (one < low) low = one;
                 if (one > high) high = one;
             }
-            // n times the sum of the squared distances, without rounding
+            // n times the sum of the squared distances of the samples from their mean, without rounding
             const std::int64_t power = squares * n - static_cast<std::int64_t>(sum) * sum;
             const float size = static_cast<float>(n);
             mean_ = static_cast<float>(sum) / size;
@@ -142,7 +142,7 @@ struct CountSpectrum {
             for (int i = 0; i < n; ++i) out[i] = out[i] * (1 << shift_) + base;
         }
         int shift() const { return shift_; }
-        // Call this when stored values were dropped, because a smaller unit may be possible now.
+        // Call this when stored values were dropped: the rest may fit into 16 bits with a smaller unit.
         void renew(Stored* x, int fill) {
             if (shift_ > 0) choose(value(x[0]), x, fill, shift_ - 1);
         }
@@ -157,8 +157,9 @@ struct CountSpectrum {
         }
         Value value(Stored x) const { return Value(x) * (1 << shift_) + base_; }
 
-        // Chooses base and unit for all stored values and the newest value. Keeps the old base and unit if
-        // the new unit would be larger than 2^most times the level's unit.
+        // Chooses base and unit anew, so that all stored values and the newest value fit into 16 bits (as
+        // multiples of the unit above the base). Keeps the old base and unit if the new unit would be larger
+        // than 2^most times the unit of this level of the running spectrum.
         void choose(Value newest, Stored* x, int fill, int most) {
             Value low = newest, high = newest;
             for (int i = 0; i < fill; ++i) {
@@ -236,9 +237,10 @@ class CountOctaves {
         while (!pass(passage)) {
         }
     }
-    // Begins to add a count. After that, call pass() until it returns true, before anything else is called.
-    // Each call of pass() handles one level. `passage` stores the values on their way from level to level.
-    // Several axes may use the same one, one after the other.
+    // Begins to add a raw reading of an axis to its spectrum. After that, call pass() until it returns true,
+    // before anything else is called. Each call of pass() handles one level (one sampling rate). `passage`
+    // stores the values on their way from level to level. Several axes may use the same one, one after the
+    // other.
     void add(std::int16_t count, Passage& passage) {
         Entrance entrance = {ladder_, passage};
         gate_.add(&count, 1, 1, entrance);

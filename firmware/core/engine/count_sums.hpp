@@ -18,8 +18,8 @@ inline namespace FLTEA_INSTRUCTION_SET {
 template <int kLines>
 class CountSums {
   public:
-    // Adds the powers of a block. Each power is below 2^58. Its unit is 2^-(2 places) times the squared unit
-    // of the level's values.
+    // Adds the powers of a block of values. Each power is below 2^58. The unit of the powers is 2^-(2 places)
+    // times the square of the unit in which this level of the running spectrum stores its values.
     void add(const std::int64_t* power, int places, int) {
         std::uint64_t largest = 0;
         for (int i = 0; i < kLines; ++i) {
@@ -53,7 +53,8 @@ class CountSums {
     }
 
   private:
-    // the first unit is chosen so that the largest power of the first block has this number of bits
+    // the unit of the sums is first chosen so that the largest power of the first block has this number of
+    // bits
     enum { kFirst = 30 };
 
     // Makes the unit of the sums 2^places times as large. The unit of the sums is 2^coarse_ times the squared

@@ -123,9 +123,9 @@ T adapted(T Q, T delta, T correction) {
     return (T(1) - delta) * Q + delta * (correction * correction);
 }
 
-// Whether a memory computes every order that the filters ask for. Most memories do, because they support all
-// orders, or all orders within the guard's bounds (memory_fixed.hpp). memory_compressed.hpp replaces orders
-// beyond its range, and such a replacement is counted.
+// Whether a memory of past states computes every order that the filters ask for. Most memories do, because
+// they support all orders, or all orders within the limits of guard.hpp (memory_fixed.hpp).
+// memory_compressed.hpp replaces orders beyond its range, and such a replacement is counted.
 template <class T>
 class CompressedMemory;
 template <class Memory>
@@ -163,8 +163,8 @@ Prediction<T> predict_state(const StateBelief<T>& state, T alpha, T beta, T rate
 }
 
 // Measurement update of the state's filter KFx (the paper, section 5.2). Also writes the results to `out`. If
-// the sample is missing, the new state is the prediction. `drive`: the input h^alpha u. Predictions in a gap
-// may exceed the measured values by this input.
+// the sample is missing, the new state is the prediction. `drive`: the input h^alpha u. The guard limits
+// predictions in a gap; the limit grows with the size of this input at each missing sample.
 template <class T>
 void update_state(StateBelief<T>& state, Prediction<T> at, T V, T drive, const Sample<T>& sample,
                   const Tuning<T>& p, Guards<T>& guards, Estimate<T>& out) {
@@ -223,7 +223,7 @@ struct Triple {
         note_order<Memory>(alpha, T(Real<T>(kLowestVarianceOrder)), guards);
         T past, V;
         memory.sums(alpha, past, V);
-        V = max(V, T(0));  // rounding can make the sum of a compressed memory slightly negative
+        V = max(V, T(0));  // weighted sum of past variances, which rounding can make slightly negative
         // The state's filter KFx uses the estimate of the parameter f as it was before this sample.
         const T f = guards.parameter(parameter.mean, alpha, scale);
         const T rate = gain * (f * state.x + sample.u);

@@ -50,10 +50,11 @@ class FitBins {
         open_ = Open();
     }
 
-    // Does a small part of the work. Returns true when all bins are complete. Each of the first steps
-    // processes one octave of Welch sums, from the highest frequencies down. Each further step prepares one
-    // of the stretches whose samples are kept singly, or computes one ordinate of such a stretch. If there
-    // are more bins than the array can hold, the last bins are omitted.
+    // Does a small part of the work. Returns true when all bins are complete. Each of the first steps makes
+    // bins from the Welch sums of one octave, from the highest frequencies down. The lowest frequencies come
+    // from the level that stores its samples, in stretches without a gap. Each further step prepares one of
+    // these stretches, or computes one periodogram ordinate of it. If there are more bins than the array can
+    // hold, the last bins are omitted.
     bool step(const Spectrum& spectrum) {
         const Ladder& ladder = spectrum.ladder();
         const int depth = ladder.depth();
@@ -117,7 +118,7 @@ class FitBins {
             return;
         }
         const float step = kTurn / static_cast<float>(n) * two_to(-depth);
-        // in a stretch of singly kept samples, a bin may consist of a single ordinate
+        // the periodogram of a stored stretch is not averaged, so a bin may consist of a single ordinate
         add(step * static_cast<float>(line_), 1.0f,
             lines_.power(line_) * two_to(spectrum.exponent(depth) + depth), 1);
         ++line_;
@@ -171,8 +172,8 @@ class FitBins {
     int size_, left_out_ = 0;
     float ordinates_, sum_ = 0;
     Stage stage_;
-    // `stretch_`: index of the present octave; after all octaves, index of the present stretch of kept
-    // samples
+    // `stretch_`: index of the present octave. After all octaves: index of the present stretch of stored
+    // samples, from which the lowest frequencies come.
     int stretch_, line_;
     Open open_;
     WholeLines<kCapacity> lines_;

@@ -68,9 +68,9 @@ class FitMemory {
         bool known;
         unsigned char look;  // index of the grid point that will be tested next
     };
-    // Writes all figures of a fit except the interval of the order. `full`: the model kFull. `unit`: the
-    // power that the fit counts as 1. Returns false if white noise is not rejected, because there is no
-    // interval to compute then.
+    // Writes all figures of a fit except the interval of the order. `full`: the fractional model whose order
+    // may have any value (kFull). `unit`: the power that the fit counts as 1. Returns false if white noise is
+    // not rejected, because there is no interval to compute then.
     bool report(const Model<float>& full, NullLevel level, float ordinates, float unit) {
         const Answer& best = answers_[kFull];
         FitFigures& f = figures_;
@@ -107,7 +107,8 @@ class FitMemory {
         figures_.relaxation_R = Share<float>(-answer.theta[1]).value * power;
     }
 
-    // An order is reported if it raises 2 log L by more than this, compared with a relaxation.
+    // An order is reported if 2 log L of the fractional model exceeds that of a relaxation, AR(1), by more
+    // than this.
     static constexpr float kApart = 6.0f;
 
     Answer answers_[kModels];

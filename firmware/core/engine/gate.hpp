@@ -39,7 +39,8 @@ struct GateCounts {
     std::uint64_t knocks;   // chunks that were left out as knocks (disturbances)
     std::uint64_t knocked;  // samples that were left out because of knocks and steps
     std::uint64_t steps;
-    // number of changes of the noise's power: times that consecutive knocks became the new running level
+    // number of changes of the noise's power: times that so many consecutive chunks were left out as knocks
+    // that their variance became the new running level (the usual variance)
     std::uint64_t changes;
     std::uint64_t limited;  // samples that were clipped because they were far from the mean of their chunk
 };
@@ -51,9 +52,9 @@ class Gate {
 
   public:
     enum { kChunk = 128, kLongestBridge = 8, kKnocksToChange = 8, kRunning = 256, kFewestJumps = 16 };
-    // Limits as multiples of the running level. kKnock: limit for the power of a chunk. kSpike: limit for the
-    // squared distance of a sample from its chunk's mean. kLimit: squared distance at which a sample is
-    // clipped.
+    // Limits, as multiples of the running level, which is the running mean of the variance of accepted
+    // chunks. kKnock: limit for the power of a chunk. kSpike: limit for the squared distance of a sample from
+    // its chunk's mean. kLimit: squared distance at which a sample is clipped.
     enum { kKnock = 16, kSpike = 10000, kLimit = 144 };
 
     Gate()
@@ -135,7 +136,8 @@ class Gate {
         end_stretch(sink);
     }
 
-    // Merges the gate of a later part of the stream into this one. finish() must have been called on both.
+    // Adds the counts and running means of `other`, the gate of a later part of the stream, to those of this
+    // gate. finish() must have been called on both.
     void merge(const Gate& other) {
         number_ = number() + other.number();
         missing_ = 0;

@@ -16,7 +16,8 @@ inline namespace FLTEA_INSTRUCTION_SET {
 enum class Guard : int {
     off = 0,       // the paper's algorithm, which may diverge
     faithful = 1,  // the paper's algorithm, with limits on innovations, estimates and state
-    // as `faithful`, but the filters of order and parameter also count the state's variance as noise
+    // as with the guard `faithful`, but the filters of order and parameter also count the state's variance as
+    // noise
     consistent = 2
 };
 
@@ -28,7 +29,7 @@ enum Cause : int {
     kOrderVariance = 2,      // the order's predicted variance exceeded 1/3
     kOrderGate = 3,          // the innovation of the order's filter exceeded its limit
     kParameterBox = 4,       // beta = h^alpha f, at the order at which f was stored or used, left its bounds
-    kParameterVariance = 5,  // the variance of beta exceeded a third of the squared length of beta's range
+    kParameterVariance = 5,  // the variance of h^alpha f exceeded a third of the squared length of its range
     kParameterGate = 6,      // the innovation of the parameter's filter exceeded its limit
     // the innovation of the state's filter exceeded four standard deviations, or a prediction in a gap
     // exceeded ten times the largest sample
@@ -137,9 +138,9 @@ class Guards {
     }
 
   private:
-    // Whether beta is certainly within its bounds. The exponential of lowest_beta() need not be computed for
-    // this, because from order 0 on, the lowest beta is at most -2. This function is only used for plain
-    // numbers, not for packs.
+    // Whether beta = h^alpha f is certainly within its bounds, so that the exponential in lowest_beta() need
+    // not be computed. For orders alpha of at least 0, the lowest allowed beta is at most -2. For SIMD packs
+    // this function returns false.
     static bool plainly_within(T beta, T alpha) {
         return Lanes<T>::count == 1 && all((alpha >= T(0)) & (beta >= T(-2)) & (beta <= T(1)));
     }

@@ -131,8 +131,8 @@ struct Joint {
         move_to(made_a, made_b, next, p.parameter_delta, sample.missing);
     }
 
-    // Sets alpha and beta to new values and P to their covariance, and updates Q by the squares of the
-    // changes. Where the sample is missing, nothing changes.
+    // Sets alpha and beta = h^alpha f to new values and P to their covariance, and updates Q by the squares
+    // of the changes. Where the sample is missing, nothing changes.
     void move_to(T made_a, T made_b, const Covariance<T>& next, T delta, MaskOf<T> missing) {
         const T moved_a = made_a - alpha, moved_b = made_b - beta, kept = T(1) - delta;
         Q.aa = select(missing, Q.aa, kept * Q.aa + delta * (moved_a * moved_a));

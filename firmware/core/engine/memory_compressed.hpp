@@ -101,11 +101,11 @@ class CompressedMemory {
         if (nodes_.state.count > 0) add_state_tails(orders, S);
     }
 
-    // Computes V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}, which is not negative if no P is negative.
+    // Computes V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}. c_j is the weight of the state j samples ago,
+    // P_{k-j} its variance, L(k) the length of the memory. V is not negative if no P is negative.
     T variance_sum(T order) const { return variance(at(order, kLowestVarianceOrder)); }
 
-    // Computes for one order S (sum of states) and V (sum of variances) together, in less time than one after
-    // the other. The range of orders is that of variance_sum().
+    // Computes for one order S (sum of states) and V (sum of variances). Range of orders: as variance_sum().
     void sums(T order, T& S, T& V) const {
         const Order orders[1] = {at(order, kLowestVarianceOrder)};
         T state[1];
@@ -135,11 +135,11 @@ class CompressedMemory {
     // the ring, prefetching has no effect.
     static constexpr std::size_t kPrefetch = 16;
 
-    // Values that the sums for one order need in addition to the modes.
+    // What the sums for one order need besides the modes (decaying sums of past states or variances).
     struct Order {
         T order;
-        T b, sine;         // b = a + 1 and sin(pi a), where a is the order in the sums over the modes
-        Powers<T> powers;  // e^{±a step}, with the same a, and the step of the grid of nodes
+        T b, sine;         // b = a + 1 and sin(pi a); a is the order, kept away from -1 by at()
+        Powers<T> powers;  // e^{a step} and e^{-a step}; e^step: ratio of neighbouring modes' decay rates
     };
 
     // Returns the values of Order for an order, which is first limited to the memory's range. `lowest`:
@@ -178,10 +178,10 @@ class CompressedMemory {
         return factor * factor * V;
     }
 
-    // Advances each mode: z becomes z - om z + K in - KW out. The sample `in` enters the modes, and `out`
-    // leaves the window; K and KW are their weights; om is the proportion of z that decays (computing z (1 -
-    // om) would lose a small om by rounding). The first `forgotten` modes contain nothing of `out` any more.
-    // The last element of z is the plain sum of all samples in the modes.
+    // Advances each mode z (a decaying sum of past samples): z becomes z - om z + K in - KW out. om is the
+    // proportion of z that decays (computing z (1 - om) would lose a small om by rounding). The sample `in`
+    // enters with the weight K, and `out` leaves the memory with the weight KW. The first `forgotten` modes
+    // contain nothing of `out` any more. The last element of z is the plain sum of all samples in the modes.
     static void advance(T* z, const R* table, std::size_t forgotten, std::size_t count, T in, T out) {
         constexpr std::size_t G = kGroup;
         T next[G];
@@ -199,10 +199,10 @@ class CompressedMemory {
     }
     static T kept(T z, const R* row, T in) { return mul_add(T(row[1]), in, mul_add(T(row[0]), z, z)); }
 
-    // Returns what the modes that would be slower than the slowest one contribute; it is added to the slowest
-    // mode. Their weights are a geometric sequence G, Gq, Gq^2 ... times a function of the node (decay rate)
-    // that is almost linear there. A parabola through node 0 (the plain sum) and the two slowest modes
-    // replaces that function, so that the sum has a closed form (q-binomial theorem).
+    // The modes have decay rates in a geometric sequence, which ends. Returns what still slower modes would
+    // add to the sum, as an addition to the slowest mode. Their weights are G, Gq, Gq^2 ... times a function
+    // of the decay rate that is almost linear there. A parabola through rate 0 (the plain sum) and the two
+    // slowest modes replaces that function, so that the sum has a closed form (q-binomial theorem).
     T slow_end(T G, const T* z, std::size_t count, R next_scale, R plain_scale) const {
         const R q = R(q_);
         const T one = T(R(1)), Gq = G * T(q), Gqq = Gq * T(q);
@@ -221,8 +221,8 @@ class CompressedMemory {
         return result;
     }
 
-    // Adds what the modes z_i with the nodes p_i contribute to S, sin(pi a) sum_i p_i^a z_i, by Horner's
-    // scheme in v = e^{-a step}; a is the order.
+    // Adds to S, the weighted sum of past states, what the modes z_i with the decay rates p_i contribute:
+    // sin(pi a) sum_i p_i^a z_i, by Horner's scheme in v = e^{-a step}. a: the order; e^step: p_i / p_{i+1}.
     template <int N>
     void add_state_tails(const Order (&orders)[N], T (&S)[N]) const {
         constexpr int G = kGroup;
@@ -241,8 +241,7 @@ class CompressedMemory {
             }
         }
         for (int n = 0; n < N; ++n) {
-            // The result of slow_end() is added last, so that the multiplications of the modes need not wait
-            // for it.
+            // slow_end() is added last, so that the multiplications of the modes z need not wait for it.
             const T v = orders[n].powers.down;
             const T end =
                 slow_end(v * T(R(q_)), state_, nodes_.state.count, R(-q_ * q_ * q_ * q_), R(state_plain_));
@@ -262,12 +261,13 @@ class CompressedMemory {
         return nodes_.state.count > 0 ? V + max(variance_tail(at), T(R(0))) : V;
     }
 
-    // Returns what the modes z_i with the nodes q_i contribute to V, sin^2(pi a) 4^b B(b, b) sum_i q_i^{2a}
-    // F_i z_i, by Horner's scheme in v^2; a is the order, b = a + 1, B the Beta function.
+    // Returns what the modes z_i with the decay rates q_i contribute to V, the weighted sum of past
+    // variances: sin^2(pi a) 4^b B(b, b) sum_i q_i^{2a} F_i z_i, by Horner's scheme in e^{-2 a step}. a: the
+    // order; b = a + 1; B: the Beta function; F_i: the function F of memory_nodes.hpp at q_i.
     T variance_tail(const Order& at) const {
         constexpr std::size_t G = kGroup;
         const T b = at.b;
-        // 4^b B(b,b) times (1, t1, t2, t3), with a common denominator; the t_n are the coefficients of F.
+        // t0 times the coefficients of F (memory_nodes.hpp); factor = 4^b B(b, b) / t0, B: Beta function
         const T b1 = b + T(R(1)), b2 = b + T(R(2)), b3 = b + T(R(3));
         const T h1 = b + T(R(0.5)), h3 = b + T(R(1.5)), h5 = b + T(R(2.5));
         const T t0 = h1 * h3 * h5, t1 = T(R(0.5)) * b * (h3 * h5), t2 = T(R(0.375)) * (b * b1) * h5,
@@ -378,14 +378,14 @@ class CompressedMemory {
     T* history_;
     T* x_;  // the newest 15 samples, newest first; they are stored twice so that they are always contiguous
     T* P_;
-    T* state_;     // the modes of the states x, then the plain sum of all x
-    T* variance_;  // the modes of the variances P, then the plain sum of all P
+    T* state_;     // the modes (decaying sums) of past states x, then their plain sum
+    T* variance_;  // the modes (decaying sums) of past variances P, then their plain sum
     // the samples in the modes, as pairs of state x and variance P; the one at ring_position_ leaves next
     T* ring_;
-    R* state_table_;  // table for advance(): -om, K, -KW of each mode of x
+    R* state_table_;  // for advance(), for each mode of x: -om (decay), weights K and -KW
     R* variance_table_;
-    R* w_;           // for each mode of the variances P: argument w of the function F (memory_nodes.hpp)
-    R* head_table_;  // for j = 1 .. 15: j, 1/j! and 1/j!^2; the last two are 0 beyond the window
+    R* w_;           // for each mode of the variances: argument w of the function F (memory_nodes.hpp)
+    R* head_table_;  // for j = 1 .. 15: j, 1/j! and 1/j!^2; beyond the memory's length, the last two are 0
     double q_;       // e^{-step}
     double state_plain_, variance_plain_;
     std::size_t state_forgotten_, variance_forgotten_;

@@ -5,10 +5,10 @@
 // the newest 15 samples, whose weights are exact.
 //
 // It differs from memory_compressed.hpp in three ways. First, orders outside of [-1/2, 5/2] are replaced by
-// the nearest order in this range, to which the guard limits them anyway. Second, the plain sum of the past
-// takes the place of modes slower than the slowest one. Third, the oldest variance that is kept takes the
-// place of all older variances, because the P of a running filter is nearly constant. firmware/README.md
-// states the resulting errors.
+// the nearest order in this range, to which the guard limits them anyway. Second, modes slower than the
+// slowest stored mode are replaced by the plain sum of the past. Third, the oldest variance that is kept
+// takes the place of all older variances, because the P of a running filter is nearly constant.
+// firmware/README.md states the resulting errors.
 #ifndef FLTEA_MEMORY_FIXED_HPP
 #define FLTEA_MEMORY_FIXED_HPP
 
@@ -88,7 +88,7 @@ class FixedMemory {
     static std::int64_t fine(std::int32_t x) { return static_cast<std::int64_t>(x) * (1 << kFine); }
 
     // `a`: an order, in units of 2^-28. `v`: e^{-a step}, in units of 2^-30; its value is between 0.1 and
-    // 1.6.
+    // 1.6. e^step is the ratio of neighbouring modes' decay rates.
     struct Order {
         std::int32_t a, v;
 
@@ -98,7 +98,8 @@ class FixedMemory {
             const fixed::Power power = fixed::power_of_two(in_steps(-a, Nodes::step));
             v = power.n >= 0 ? power.m << power.n : power.m >> -power.n;
         }
-        // Returns the product of the order `a` and `step` in units of 2^-26.
+        // Returns the product a * step in units of 2^-26. `a`: an order, in units of 2^-28. `step`: a binary
+        // logarithm of decay rates, in units of 2^-29.
         static std::int32_t in_steps(std::int32_t a, std::int32_t step) {
             return static_cast<std::int32_t>((static_cast<std::int64_t>(a) * step) >> 31);
         }
@@ -130,15 +131,17 @@ class FixedMemory {
         }
     }
 
-    // Computes sum_i v^i K_i z_i over the modes z_i with their weights K_i. The sum includes the infinite
-    // series of slower modes, in which the plain sum of the past takes the place of z.
+    // Computes sum_i v^i K_i z_i over the modes z_i with their weights K_i; v = e^{-a step} as in Order. The
+    // sum also includes the infinite series of modes slower than the last stored one. In each of these, the
+    // plain sum of the past takes the place of z_i.
     template <int N>
     void tails(const Order (&at)[N], std::int64_t (&sum)[N]) const {
         const std::int64_t slower = fixed::product30(plain_, Nodes::plain);
         for (int n = 0; n < N; ++n) {
             const std::uint32_t g = static_cast<std::uint32_t>(fixed::product30(at[n].v, Nodes::ratio));
             const std::uint32_t series =
-                // the geometric series g + g^2 + ... (g: v to the next slower mode), in units of 2^-15
+                // the geometric series g + g^2 + ... in units of 2^-15; g = v e^-step is the factor from one
+                // slower mode's term to the next
                 (g << 1) / (((UINT32_C(1) << 30) - g) >> 14);
             sum[n] = fixed::product30(slower, static_cast<std::int32_t>(series << 15));
         }
@@ -169,7 +172,8 @@ class FixedMemory {
 
     std::int32_t x_[Nodes::head];  // the newest samples, newest first
     float P_[Nodes::head];
-    // the modes from the fastest to the slowest, as means; their unit is 2^-31 times that of the states
+    // the modes: exponentially weighted means of past states, from the fastest to the slowest decay; their
+    // unit is 2^-31 times that of the states
     std::int64_t z_[Nodes::count];
     std::int64_t plain_;  // sum of all states that are no longer in x_
     int x_unit_;          // the unit of x is 2^x_unit_

@@ -1,16 +1,18 @@
-// The nodes (decay rates) of the modes of the compressed memory (memory_compressed.hpp). The weights c_j of a
-// fractional difference of order a are integrals over exponentials, written here with b = a + 1, for j > a >
-// -1:
+// The nodes of the compressed memory (memory_compressed.hpp). That memory replaces past values by modes,
+// which are exponentially decaying sums of them. A node is the decay rate of a mode. The weights c_j of a
+// fractional difference of order a are integrals over exponentials, written here with decay rates p and q,
+// with b = a + 1, and for j > a > -1:
 //
 //     c_j(a)   = -(sin pi a / pi) ∫ p^b (1+p)^{-j-1} d log p
 //     c_j(a)^2 = (sin pi a / pi)^2 4^b B(b, b) ∫ q^{2b} F (2/(2+q)) (1+q)^{-2j-1} d log q,
 //                F = 2F1(b, 1/2; b + 1/2; w),  w = (q/(2+q))^2
 //
-// The first equation is the Beta integral of c_j. The second one uses this integral twice, where 1 + q is the
-// geometric mean of the two factors 1 + p; F is written after a quadratic transformation. The order enters
-// only through a power of the node and through F. On a grid that is uniform in log p and log q, with step D,
-// the powers of the nodes are a geometric sequence with the ratio e^{-aD}. Nodes and modes therefore do not
-// depend on the order, and the trapezoidal rule converges exponentially, by e^{-pi^2/D}.
+// The first equation is the Beta integral of c_j. The second one is the square of the first, a double
+// integral over two rates p. There 1 + q is the geometric mean of the two factors 1 + p, and the integral
+// over their ratio is F, after a quadratic transformation. The order enters only as an exponent of p and q,
+// and through F. On a grid that is uniform in log p and log q, with step D, the powers of the nodes are a
+// geometric sequence with the ratio e^{-aD}. Nodes and modes therefore do not depend on the order, and the
+// trapezoidal rule converges exponentially, by e^{-pi^2/D}.
 #ifndef FLTEA_MEMORY_NODES_HPP
 #define FLTEA_MEMORY_NODES_HPP
 
@@ -26,7 +28,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Configuration of a compressed memory, which compressed_config() makes from the user's settings.
+// Configuration of a compressed memory of past states, which compressed_config() makes from the user's
+// settings.
 struct CompressedConfig {
     std::size_t window;  // length L of the memory in samples; 0: unlimited
     int digits;          // number of accurate digits of the weights, as in compressed_config()
@@ -48,10 +51,11 @@ inline CompressedConfig compressed_config(std::size_t window, int digits = kDefa
     return CompressedConfig{window, digits};
 }
 
-// A set of modes with the nodes e^{(top - i) step}, i = 0 .. count-1, from the fastest to the slowest.
+// A set of modes (decaying sums of the past). Their nodes (decay rates) are e^{(top - i) step}, i = 0 ..
+// count-1, from the fastest to the slowest.
 struct Bank {
-    // number of steps from the node 1 to the fastest node, which is the fastest node's logarithm divided by
-    // the step
+    // number of grid steps from a decay rate of 1 up to the fastest node: the logarithm of that node, divided
+    // by the step of the logarithm
     std::size_t top;
     std::size_t count;  // number of modes, a multiple of kGroup
 };
@@ -60,11 +64,12 @@ struct Bank {
 // is therefore a multiple of this number.
 constexpr std::size_t kGroup = 4;
 
-// The nodes for one configuration. They are computed with ::exp and similar functions of libm, whose last
-// digit may differ between libraries, because this does not matter for nodes.
+// The nodes (decay rates of the modes) for one configuration. They are computed with ::exp and similar
+// functions of libm. The last digit of these may differ between libraries, which does not matter for nodes.
 struct Nodes {
-    // Number of newest samples whose weights are exact. Older samples are represented by the modes: their age
-    // j far exceeds every order, and the fastest modes have already decayed.
+    // Number of newest samples whose weights are exact. Older samples are represented by the modes (decaying
+    // sums). At their age of j samples, the integrals at the top of this file hold for every order (j > a),
+    // and very fast modes are not needed.
     static constexpr std::size_t kHead = 15;
     // Number of newest samples for which an unlimited memory is accurate: 2^30 (124 days at 100 Hz).
     static constexpr double kHorizon = 1073741824.0;
@@ -72,19 +77,21 @@ struct Nodes {
     std::size_t window;
     double step;
     Bank state, variance;
-    // How many terms of the series of F (see the top of this file) the groups of the variance's modes need.
-    // Groups are counted from the fastest one. Groups before the index `four_terms` need four terms, later
-    // groups before `two_terms` need two, and all others need one. At least one group needs only one term.
+    // The function F (see the top of this file) is computed as a series. These are limits for the number of
+    // terms that the modes of the variances need. The modes are in groups of kGroup, counted from the fastest
+    // one. Groups before the index `four_terms` need four terms, later groups before `two_terms` need two,
+    // and all others need one. At least one group needs only one term.
     std::size_t four_terms, two_terms;
 
     explicit Nodes(const CompressedConfig& config)
         : window(config.window), step(1), state(), variance(), four_terms(0), two_terms(0) {
-        // so short a memory has no samples for the modes
+        // all weights of so short a memory are exact, so it needs no modes
         if (window > 0 && window <= kHead) return;
         const double error = ::pow(10.0, -double(config.digits));
         while (trapezoidal_error(step) > error) step -= 0.005;
-        // The fastest nodes are chosen so that beyond them the integrands of the weight c_n, with n = kHead +
-        // 1 and b = 2, are negligible in comparison with the integrals B(2, n-2) and B(4, 2n-3).
+        // The fastest nodes are chosen so that faster ones would add a negligible part to the integrals of
+        // c_n and c_n^2 (see the top of this file), for n = kHead + 1 and b = 2. These integrals are about
+        // B(2, n-1) and B(4, 2n-3), with the Beta function B.
         const double n = kHead + 1.0;
         state.top = top(error, 2, n + 1, n * (n - 1));
         const double m = 2 * n;
@@ -103,8 +110,8 @@ struct Nodes {
     double node(const Bank& bank, std::size_t i) const {
         return ::exp((double(bank.top) - double(i)) * step);
     }
-    // Returns the argument w of the function F (see the top of this file) at the i-th node of the variance's
-    // modes.
+    // Returns the argument w of the function F (see the top of this file) at the i-th node of the modes of
+    // past variances.
     double w(std::size_t i) const {
         const double q = node(variance, i);
         return (q / (2 + q)) * (q / (2 + q));
@@ -119,9 +126,9 @@ struct Nodes {
         return 2 * ::sqrt((1 + y * y) * 2 * pi * y) * ::exp(-pi * y / 2);
     }
 
-    // Returns how many grid steps (of the logarithm) the fastest node lies above 1. The integrand of a weight
-    // is at most scale * x^power (1+x)^-decay at the node x. The fastest node is chosen so that this bound is
-    // negligible at the next faster node.
+    // Returns the number of steps of the logarithmic grid from the node 1 to the fastest node. Relative to
+    // its integral, the integrand for a weight is at most scale * x^power (1+x)^-decay at the node x. The
+    // fastest node is chosen so that this bound is negligible at the next faster node.
     std::size_t top(double error, double power, double decay, double scale) const {
         std::size_t steps = 0;
         while (scale * ::pow(::exp(double(steps + 1) * step), power) *

@@ -57,7 +57,8 @@ class OctaveLadder {
         }
     }
 
-    // How far the samples of the level that keeps its samples have been turned into Welch sums.
+    // One level keeps its samples. When they no longer fit, they are turned into Welch sums; this is how far
+    // that has come.
     struct Deepening {
         typename Whole::Table old;
         // position in the table `old` of that level's stretches: index of the current stretch, index of the
@@ -77,8 +78,8 @@ class OctaveLadder {
     };
 
     // Adds n <= kMostAtOnce samples that follow the previous ones; the first of them has the sample number
-    // `first`. `made_up`: one flag per sample, set if the sample was not measured. The flags are stored as
-    // long as level 0 is the level that keeps its samples.
+    // `first`. `made_up`: one flag per sample, set if the sample was not measured. One level keeps its
+    // samples; the flags are stored only while that is level 0.
     void accept(const Input* y, int n, std::uint64_t first, const unsigned char* made_up) {
         Passage passage;
         enter(y, n, first, made_up, passage);
@@ -107,7 +108,7 @@ class OctaveLadder {
         }
         settle(p);
     }
-    // Takes the batch of `p` through one level. Returns true when the batch has passed all levels.
+    // Takes the batch of values in `p` through one level. Returns true when the batch has passed all levels.
     bool advance(Passage& p) {
         if (p.deepening.going) {
             go_deeper(p.deepening);
@@ -230,7 +231,7 @@ class OctaveLadder {
         }
     }
 
-    // Whether the level whose samples are kept has room for the batch of `p`.
+    // Whether the level that keeps its samples has room for the batch of values in `p`.
     bool fits(const Passage& p) {
         if (whole_.size() + p.n > Whole::kCapacity) forget(p.first);
         return whole_.size() + p.n <= Whole::kCapacity;
@@ -258,7 +259,8 @@ class OctaveLadder {
         }
     }
 
-    // In the level whose samples are kept, drops samples that are older than twice the length of the memory.
+    // In the level that keeps its samples, drops samples that are older than twice the memory length of sums
+    // that forget.
     void forget(std::uint64_t now) {
         if (memory_.fades()) whole_.drop_before(memory_.oldest(now), step(depth_));
     }

@@ -50,7 +50,8 @@ class OffsetStep {
     static constexpr float kSlack = 0.5f, kLimit = 15;
 
     float sums_[2];
-    std::uint16_t chunks_[2];  // for each sum: number of chunks since it was last 0
+    // for each of the sums (steps up, steps down): number of chunks since it was last 0
+    std::uint16_t chunks_[2];
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET

@@ -36,8 +36,8 @@ struct OrderEnds {
     };
     End ends[2];
     bool known;
-    // `turn`: which of four steps the next fit does; `look`: index of the order that was last tested outside
-    // of the interval
+    // `turn`: which of the four steps in OrderInterval::begin() the next fit does (correct one end of the
+    // interval, or test an order outside of it); `look`: index of the order that was last tested outside
     unsigned char turn, look;
 };
 

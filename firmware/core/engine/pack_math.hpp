@@ -134,8 +134,9 @@ inline T sin_pi(T a) {
     typedef Real<T> R;
     typedef Layout<R> L;
     const T rounded = a + T(L::kRound);
-    // If a is so large that no half-integers exist among the floating-point numbers, the difference between a
-    // and the nearest integer is only a rounding error. The difference is limited to a small remainder.
+    // r: the difference between a and the nearest integer. If a is so large that no half-integers exist among
+    // the floating-point numbers, r is only a rounding error. It is limited to 1/2, for which the series
+    // holds.
     const T r = max(min(a - (rounded - T(L::kRound)), T(R(0.5))), T(R(-0.5)));
     const T s = r * r;
     // Taylor series in (pi r)^2. Because of |r| <= 1/2, the first omitted term is 1e-18.

@@ -110,8 +110,9 @@ class SlicedFit {
         as_before_ = -Room<float>::impossible();
         for (Point<float>& one : kept_) one.nll = Room<float>::impossible();
         best_.nll = Room<float>::impossible();
-        // If the order was below 1 in the last fit, and is below 1 again in this fit's model with orders up
-        // to 1, the result of that model is reused for the full model.
+        // The full model allows every order, another model only orders up to 1. If the best order was below 1
+        // in the last fit, and this fit's result for orders up to 1 is below 1 again, that result is reused
+        // for the full model.
         from_before_ = which_ == kFull && !cold_ && memory_->answers_[kFull].theta[0] < 1.0f &&
                        up_to_one_.theta[0] < kBelowOne;
         if (which_ == kWhiteNoise) {
@@ -301,9 +302,9 @@ class SlicedFit {
 
     void end_model() {
         keep_answer(which_);
-        // A second search of the full model may have started at an order that turned out to fit better while
-        // the interval was computed. If it ends below order 1, its result is also an answer for the model
-        // with orders up to 1.
+        // While the interval of the order was computed, an order may have turned out to fit better. A second
+        // search of the full model, which allows every order, has then started there. If it ends below order
+        // 1, its result is also an answer for the model with orders up to 1.
         if (which_ == kFull && best_.theta[0] < kBelowOne && best_.nll < up_to_one_.nll)
             keep_answer(kUpToOne);
         Answer& answer = memory_->answers_[which_];
@@ -311,9 +312,9 @@ class SlicedFit {
             answer.look = static_cast<unsigned char>((answer.look + kLooks) % grid_size());
         }
         target_.refer_to(answer.known ? answer.scale : 1.0f);
-        // Evaluates the best point again, which makes the derivatives more precise. They are computed
-        // relative to their means in the previous evaluation, and the point of that evaluation may have been
-        // far from the best point.
+        // Evaluates the best point again, which makes the derivatives more precise. They are stored as
+        // differences from their means over all bins, which come from the previous evaluation. The point of
+        // that evaluation may have been far from the best point.
         if (which_ == kFull && answer.known && (cold_ || looks_around()) && settled_ < 2) {
             ++settled_;
             next_ = best_;

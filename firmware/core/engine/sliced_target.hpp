@@ -37,8 +37,9 @@ struct BinColumns {
     float square(std::size_t i) const { return math::exp(2.0f * ln_size(i)); }
 };
 
-// Computes the sums over the bins. The powers of the bins are divided by unit(), and the excess of -log L is
-// computed for the model's spectrum times reference().
+// Computes the sums over the bins. The powers of the bins are divided by unit(), their mean power. -log L is
+// computed for the model's spectrum times reference(), as its excess over the -log L of a spectrum that
+// equals the data.
 template <class Bins>
 class SlicedTarget {
   public:
@@ -75,12 +76,12 @@ class SlicedTarget {
                 return add(Fractional<float>(natural), bins, natural, most);
         }
     }
-    // Writes the sums of a finished evaluation. The derivatives of the model's log spectrum by the logarithms
-    // of its two variances (of the state, and of the white noise) have the sum 1. Each of the two has its own
-    // sums nevertheless: where one is small, 1 minus the other would have no precision in float. All
-    // derivatives are stored as differences from their means in the previous evaluation. As the scale of the
-    // spectrum is free, adding a constant to a derivative changes nothing, and the differences keep more
-    // digits in float.
+    // Writes the sums of a finished evaluation. All derivatives of the model's log spectrum are stored as
+    // differences from their means over the bins in the previous evaluation, which keeps more digits in
+    // float. The results stay the same: as the scale of the spectrum is free, a constant may be added to a
+    // derivative. The derivatives by the logarithms of the two variances (of the state, and of the white
+    // noise) add up to 1. Both have sums nevertheless: where one is small, 1 minus the other would have no
+    // precision in float.
     void read(Family family, Sums<float>& sums) {
         const int numbers = shapes(family) + parts(family) + 1;
         sums.log_spectrum = sums_.excess;
@@ -162,8 +163,9 @@ class SlicedTarget {
         return at_ == bins.size();
     }
 
-    // Returns what one ordinate adds to the excess of -log L, for the ratio r of its power to the model's.
-    // For a bin without power, r is replaced by a small number, because its logarithm is needed.
+    // Returns what one ordinate adds to the excess of -log L over that of a spectrum that equals the data.
+    // `ratio`: the ordinate's power divided by the model's. For a bin without power, it is replaced by a
+    // small number, because its logarithm is needed.
     static float excess_of(float ratio) { return excess((ratio > 1e-7f ? ratio : 1e-7f) - 1.0f); }
 
     float over_unit_, reference_;

@@ -27,14 +27,15 @@ struct SteadyFilter {
 
     float fall[kPlaces];      // 1 - a: the proportion by which the part falls per sample
     float variance[kPlaces];  // variance of the part; 0: the part does not exist
-    float gain[kPlaces];      // gain K of the part
+    float gain[kPlaces];      // gain K with which an innovation changes the part
     float R, S;               // R: variance of the white noise; S: variance of the innovations
     float of_state;           // variance of the state, given all samples and the offset
     float answer;             // value that the innovations approach if the input is constantly 1
     float weight[kPlaces];    // factor from a part's present value to its expected mean over the next samples
     // variance of the state's mean over the next samples, given all past samples and the offset
     float of_bias;
-    float offset_in_bias;  // error of the bias if the offset's error is 1 / `answer`
+    // error of the bias, if the offset has a constant error so large that the innovations approach 1
+    float offset_in_bias;
 };
 
 class FilterDesign {
@@ -89,10 +90,12 @@ class FilterDesign {
         kGains = kZeros + kPlaces,
         kWeights = kGains + kPlaces,
         kDone = kWeights + kPlaces,
-        kBisections = 8,  // number of bisection steps in one slice of the design
-        kSame = 8         // accuracy to which a zero of the spectrum is computed, in units of the last place
+        // largest number of bisection steps in one call: the filter is designed in slices, between samples
+        kBisections = 8,
+        kSame = 8  // accuracy to which a zero of the spectrum is computed, in units of the last place
     };
-    // lowest of these frequencies [rad per sample], and the ratio of each frequency to the one below
+    // frequencies at which the spectrum of a fractional order is approximated: the lowest one [rad per
+    // sample], and the ratio of each frequency to the one below
     static constexpr float kLowest = 3e-4f, kRatio = 2.2977f;
     // At frequencies where the spectrum of the state is less than this factor times that of the white noise,
     // the fractional order is approximated less exactly.
@@ -164,12 +167,13 @@ class FilterDesign {
     // For the pole a of part i, size(i) is |a|, and short_of_one(i) is 1 - |a|.
     float size(int i) const { return turns(i) ? filter_.fall[i] - 1.0f : 1.0f - filter_.fall[i]; }
     float short_of_one(int i) const { return turns(i) ? 2.0f - filter_.fall[i] : filter_.fall[i]; }
-    // Returns the position of a part's pole a on the axis of s: |s| for a > 0, or the distance beyond s = -4
-    // for a < 0.
+    // Returns the position of a part's pole z = a on the axis of s = z + 1/z - 2, where real frequencies are
+    // at -4 <= s <= 0: the distance beyond 0 for a > 0, or beyond -4 for a < 0.
     float pole(int i) const { return short_of_one(i) * short_of_one(i) / size(i); }
 
-    // Finds the zero of the spectrum next to the pole of part i, as a distance beyond that pole. Returns true
-    // when the zero is found.
+    // Finds the zero of the sum of all parts' spectra and the white noise that is next to the pole of part i.
+    // Writes its distance beyond that pole, on the axis of pole(), to apart_[i]. Returns true when the zero
+    // is found.
     bool find_zero(int i) {
         if (!coloured(i)) return true;
         if (low_ == high_) begin_zero(i);
@@ -206,7 +210,8 @@ class FilterDesign {
         if (high_ < low_) high_ = low_ + 1;
     }
 
-    // Returns the spectrum at the distance d beyond the pole of part i.
+    // Returns the spectrum at the distance d beyond the pole of part i, on the real axis that pole()
+    // explains.
     float beyond(int i, float d) const {
         float sum = measured_;
         for (int j = 0; j < kPlaces; ++j) {
@@ -241,8 +246,9 @@ class FilterDesign {
         return short_of_one + a * zero_short_of_one_[j];
     }
 
-    // Computes two numbers for the mean of part i over the next samples: the weight of the part's present
-    // value in that mean, and the variance that future noise adds to the mean.
+    // Computes how the mean of part i of the state over the next `ahead_` samples follows from the present:
+    // the weight of the part's present value in that mean, and the variance that future noise adds to the
+    // mean.
     void look_ahead(int i) {
         filter_.weight[i] = ahead_ == 0 ? 1.0f : 0.0f;
         if (!there(i) || ahead_ == 0) return;

@@ -34,7 +34,8 @@ enum class Loss : uint8_t { none = 0, runaway = 1, bound = 2 };
 inline bool finite(float a) { return a - a == 0; }
 inline bool finite(double a) { return a - a == 0; }
 
-// The supervisor of the filter of one lane (axis). T is float or double.
+// Judges after each sample whether the filter of one lane (axis) still works: whether its estimate may be
+// published, and whether it has to restart. T is float or double.
 template <class T>
 class Supervisor {
   public:

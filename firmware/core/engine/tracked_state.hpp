@@ -171,7 +171,8 @@ class TrackedState {
         float x[kPlaces];
     };
 
-    // indexes in learned_: the present, the last call of keep(), and the call before
+    // indexes in learned_: the present values, those at the last call of keep(), and those at the call before
+    // that
     enum { kNow, kNewer, kOlder, kKept };
 
     Learned& now() { return learned_[kNow]; }
@@ -189,8 +190,8 @@ class TrackedState {
     float most() const { return kClip * math::sqrt(filter_.S); }
 
     // During motion, nothing is learned, and noise adds variance to part i of the state. Returns how much of
-    // that variance is still left. At rest, the filter multiplies such an error by a(1 - K) per sample, with
-    // the part's pole a and gain K.
+    // that variance is left after `unlearned.ago` samples at rest. At rest, the filter multiplies such an
+    // error by a(1 - K) per sample, with the part's pole a and gain K.
     float grown_variance(int i, const Unlearned& unlearned) const {
         const float a = 1.0f - filter_.fall[i], left = a * (1.0f - filter_.gain[i]);
         return filter_.variance[i] * (1.0f - power(a * a, unlearned.samples)) *

@@ -76,7 +76,7 @@ class WelchLevel {
     const Cells& cells() const { return cells_; }
 
     // Merges the sums of a later part of the stream. Before this, call age() on both sums with the same
-    // generation.
+    // generation (fading_sums.hpp), so that both have forgotten the same samples.
     void merge(const WelchLevel& other, std::uint64_t shift) {
         sums_.merge(other.sums_);
         cells_.merge(other.cells_, shift);

@@ -71,11 +71,11 @@ bool scaled(const Model<R>& model) {
     return model.hold != kHoldState && model.hold != kHoldNoise;
 }
 
-// Returns the lowest order α at which the fractional model can have the weight F = g + α (with which the
-// previous sample enters the next one). If F is above -0.914, all orders above F are allowed. For a lower F,
-// only orders above the one at which α - 2^α equals F are allowed. For an F between -1 and -0.914, some
-// orders near 0 would be allowed, too. They are left out, because they describe white noise or AR(1), and
-// orders near 1 with the same F describe that, too.
+// Returns the lowest order α at which the fractional model can have the weight F = g + α, with which the
+// previous sample enters the next one. The feedback g has to be between -2^α and 0. So α has to be above F,
+// and α - 2^α below F. If F is above -0.914, every order fulfils the second condition. Otherwise the orders
+// above a certain one do; it is returned. If F is also above -1, some orders near 0 do, too. They are left
+// out, because they describe white noise or AR(1), and orders near 1 with the same F describe that, too.
 template <class R>
 R lowest_order(R F) {
     if (F > R(-0.9139)) return math::fmax(F, R(0));
@@ -94,8 +94,8 @@ bool order_first(const Model<R>& model) {
     return model.family == kFractional && model.hold != kHoldOrder && model.hold != kHoldWeight;
 }
 
-// Returns the middle of the range of free parameter i. The two ends of the range, far from the middle, are
-// called tails; there the parameter is the logarithm of a small number.
+// Returns the middle of the range of free parameter i. Such a parameter is like the logit of a proportion p:
+// far from the middle, in its two tails, it is nearly log p or -log(1 - p), where p or 1 - p is small.
 template <class R>
 R centre(const Model<R>& model, int i) {
     return i == 2 && !scaled(model) ? model.log_power : 0;
@@ -135,9 +135,9 @@ void bounds(const Model<R>& model, R* low, R* high) {
     low[0] = math::fmin(low[0], high[0]);
 }
 
-// The numbers of a spectrum (with scale 1 if the scale is free), and their derivatives by the free
-// parameters. The rows of `chain` are the shapes, the logarithms of the variances, and the logarithm of the
-// white noise's variance; the columns are the free parameters.
+// The numbers of a spectrum: its shapes and variances (with scale 1 if the scale is free). `chain`: their
+// derivatives by the free parameters. Its rows are the shapes, the logarithms of the variances, and the
+// logarithm of the white noise's variance; its columns are the free parameters.
 template <class R>
 struct Mapped {
     Natural<R> natural;

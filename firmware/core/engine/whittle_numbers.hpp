@@ -7,8 +7,8 @@ namespace fltea {
 namespace whittle {
 
 // The families of spectra. A spectrum is the sum of its parts and of white noise of variance R. A part is its
-// variance times a spectrum of fixed scale: that of the part for innovations of variance 1 or, for a
-// low-pass, the spectrum that is 1 at frequency 0.
+// variance times a spectrum of fixed scale. This is the spectrum that the part has if its innovations have
+// variance 1 or, for a low-pass, the spectrum that is 1 at frequency 0.
 enum Family : int {
     kWhite,
     kFractional,
@@ -49,9 +49,9 @@ struct Most {
 
 // The numbers of a spectrum. The array `shape` contains order α and feedback g of the fractional model, order
 // d and coefficient φ of ARFIMA, the coefficients φ1 and φ2 of AR(2), the coefficient φ of each AR(1) in a
-// sum, or the exponent δ of kRising. For a low-pass 1 / (1 + (λ²/c)^n) it contains log c and n, and then the
-// φ of each AR(1) that is added to the low-pass. `variance` contains the variances of the parts, and `white`
-// is the variance R of the white noise.
+// sum, or the exponent δ of noise that rises with the frequency. For a low-pass 1 / (1 + (λ²/c)^n) it
+// contains log c and n, and then the φ of each AR(1) that is added to the low-pass. `variance` contains the
+// variances of the parts, and `white` is the variance R of the white noise.
 template <class R>
 struct Natural {
     R shape[Room<R>::kShapes];
@@ -60,21 +60,23 @@ struct Natural {
 };
 
 // Sums over the bins of a periodogram. c is the number of ordinates of a bin, S the model's spectrum, and r =
-// I/S the power of the bin divided by S. D is the vector of the (shapes + parts + 1) derivatives of log S: by
-// the shapes, by the logarithms of the variances, and by the logarithm of R, in this order.
+// I/S the power of the bin divided by S. D is the vector of the derivatives of log S by the numbers in
+// `Natural`: by the shapes, by the logarithms of the parts' variances, and by the logarithm of R, in this
+// order.
 template <class R>
 struct Sums {
     enum { kMost = Most<R>::kNumbers };
 
-    R log_spectrum;          // Σ c log S
-    R ratio;                 // Σ c r
-    R slope[kMost];          // Σ c D
-    R weighted[kMost];       // Σ c r D
-    R square[kMost][kMost];  // Σ c D Dᵀ; only the lower triangle is filled
+    R log_spectrum;     // Σ c log S, with the letters of the comment on Sums
+    R ratio;            // Σ c r
+    R slope[kMost];     // Σ c D
+    R weighted[kMost];  // Σ c r D
+    // Σ c D Dᵀ, with the letters of the comment on Sums; only the lower triangle is filled
+    R square[kMost][kMost];
 };
 
 inline bool low_pass(Family family) { return family >= kLowPass && family < kArfima; }
-// Returns the number of AR(1) parts in a family.
+// Returns the number of AR(1) parts in the spectra of a family.
 inline int poles(Family family) {
     switch (family) {
         case kAr1:

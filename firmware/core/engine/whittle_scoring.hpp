@@ -103,14 +103,14 @@ void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) 
 }
 
 // Returns how far a free parameter may move up or down in one step. Steps are limited because the derivatives
-// are not valid for long ones. The order moves by at most 0.3. Another parameter moves by at most 1, or in
-// its tail by half of its value. In its tail, a parameter is the logarithm of a small number. A step that
-// leads out of a tail is unlimited, because applied() then adds the step to the small number itself, and not
-// to its logarithm.
+// are not valid for long ones. The order moves by at most 0.3. Another parameter moves by at most 1. But far
+// from the middle of its range, in a tail, it is like the logarithm of a small number, and moves by at most
+// half its distance from the middle. A step out of a tail is unlimited, because applied() then adds the step
+// to the small number itself, and not to its logarithm.
 template <class R>
 R longest(const Model<R>& model, int i, R theta, bool up) {
     if (i == 0 && order_first(model)) return R(0.3);
-    // the logarithm of a low-pass's corner frequency has no tails
+    // the logarithm of a low-pass's corner frequency is a logarithm everywhere, so it has no tails
     if (i == 0 && low_pass(model.family)) return R(1);
     const R tail = theta - centre(model, i);
     if (math::fabs(tail) > 2 && up == (tail < 0)) return Room<R>::impossible();
@@ -177,8 +177,8 @@ struct Patience {
     int steps;    // largest number of evaluations
     R tolerance;  // the search ends when a step promises to decrease -log L by less than this
     R inside;     // the search ends when -log L is below this
-    // the search is given up while -log L is above this, if complete steps promise far too little to get
-    // below it
+    // the search is given up while -log L is above this, if even 20 times the decrease that a complete step
+    // promises would not bring it below, twice in a row
     R outside;
 };
 

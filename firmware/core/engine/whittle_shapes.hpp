@@ -176,8 +176,9 @@ struct RunningSums {
     Number log_spectrum, ratio, slopes[kNumbers], weighted[kNumbers], squares[kSquares];
 };
 
-// Adds bin i with the power `power`. In the sum of c log S, where c is the bin's number of ordinates I the
-// bin's power and S the model's spectrum, Likelihood::term(count, S, I, 1/S) takes the place of c log S.
+// Adds bin i with the power `power` to the sums of Whittle's likelihood. Its first sum is that of c log S,
+// where c is the bin's number of ordinates and S the model's spectrum. With I for the bin's power,
+// Likelihood::term(c, S, I, 1/S) takes the place of c log S, so that other likelihoods are possible.
 template <class Likelihood, class Shape, class Columns, class Number, class R>
 inline void add_bin(const Shape& shape, const Columns& bins, std::size_t i, Number power,
                     const Natural<R>& natural,
