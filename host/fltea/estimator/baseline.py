@@ -62,7 +62,7 @@ class BaselineRule:
         self.needed = config.startup_needed
 
     def baseline_of(self, window: Sequence[Moments]) -> Baseline:
-        """Return the baseline for the moments of a start-up window.
+        """Return bias and variance R of each axis, from its moments in a start-up window.
 
         `window` is empty if no window is needed.
         """

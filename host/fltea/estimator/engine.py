@@ -1,7 +1,7 @@
 """Run FLTEA for one state in many lanes at once, natively (Macias & Sierociuk 2023, section 5).
 
-A lane is one independent system: an axis, a sensor, a shuffled copy, or another set of settings. Its
-equations:
+A lane is one independent system: an axis, a sensor, a copy whose samples were shuffled for comparison, or
+another set of settings. Its equations:
 
     x_k = h^α (f x_{k-1} + u_{k-1}) - sum_{j=1}^{L(k)} c_j(α) x_{k-j} + noise of variance Q
     y_k = x_k + noise of variance R
@@ -21,8 +21,9 @@ includes the variance of the state in KFo, KFw and the joint filter. With a guar
 estimate stays finite, 0 <= α <= 2 and -2 2^α <= h^α f <= 1, and |y - x| <= 4 sqrt(R) after each measurement;
 every intervention is counted (`CAUSES`).
 
-Compressed memory: an order outside [-1.95, 4] is replaced by the nearest order inside, and counted as
-"memory_order"; this can occur only with guard "off".
+A compressed memory replaces the older states by decaying sums of them, which takes less time. It replaces an
+order outside [-1.95, 4] by the nearest order inside. This is counted as "memory_order", and can occur only
+with guard "off".
 """
 
 from typing import NamedTuple
@@ -36,19 +37,24 @@ from fltea.records.arrays import Array
 from fltea.records.stats import CAUSE_WORDS
 
 CAUSES = tuple(CAUSE_WORDS)
-"""Causes of interventions, in the order of `Estimates.interventions`. In an intervention, a limit changes an
-estimate, which then differs from that of the algorithm as printed in the paper.
+"""Causes of interventions, in the order of `Estimates.interventions`.
 
-order_box: α left [0, 2]. order_sigma: a sigma point of α left [-1/2, 5/2]. order_variance: the predicted
-variance of α exceeded 1/3. order_gate: the innovation of the filter of α (or of the joint filter) exceeded
-`gate` standard deviations. parameter_gate: that of the filter of f did.
+In an intervention, a limit changes an estimate, which then differs from that of the algorithm as printed in
+the paper. The joint filter estimates α and h^α f together (variant "joint").
 
-parameter_box: h^α f left its bounds where f was stored or used. parameter_variance: the predicted variance of
-h^α f exceeded a third of the square of its range. state_bound: the innovation of the state's filter exceeded
-4 standard deviations, or a prediction over missing samples exceeded all earlier values tenfold.
-
-memory_order: the compressed memory received an order beyond its range, and used the nearest order inside
-(with guard "off" only).
+- order_box: α left [0, 2].
+- order_sigma: a sigma point of α left [-1/2, 5/2].
+- order_variance: the predicted variance of α exceeded 1/3.
+- order_gate: the innovation of the filter of α, or of the joint filter, exceeded the setting `gate`, which is
+  in standard deviations.
+- parameter_box: h^α f left its bounds; this is checked when the filter of f stores a new f, and when f is
+  used with another α.
+- parameter_variance: the predicted variance of h^α f exceeded a third of the square of its range.
+- parameter_gate: the innovation of the filter of f exceeded the setting `gate`.
+- state_bound: the innovation of the state's filter exceeded 4 standard deviations, or a prediction over
+  missing samples exceeded all earlier values tenfold.
+- memory_order: the compressed memory received an order beyond its range, and used the nearest order inside
+  (with guard "off" only).
 """
 
 LARGEST_INPUT = _native.LARGEST_INPUT
@@ -58,7 +64,10 @@ float.
 
 
 class Estimates(NamedTuple):
-    """The estimates after every sample; arrays are (lanes,) from `step` and (n, lanes) from `run`."""
+    """The estimates of each lane after every sample; arrays are (lanes,) from `step`, (n, lanes) from `run`.
+
+    A lane is an axis, or another independent system.
+    """
 
     alpha: Array
     alpha_var: Array
@@ -77,8 +86,8 @@ class Estimates(NamedTuple):
     """Measurement minus prediction; NaN without a measurement."""
     innovation_var: Array
     interventions: NDArray[np.int32]
-    """Number of samples at which a limit changed an estimate since the lane's last start, by cause
-    (`CAUSES`). The shape is always (lanes, len(CAUSES)).
+    """Number of samples at which a limit changed an estimate, since the filters of the lane (axis) last
+    started, by cause (`CAUSES`). The shape is always (lanes, len(CAUSES)).
     """
 
 

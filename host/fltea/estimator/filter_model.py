@@ -19,7 +19,7 @@ class FilterModel(NamedTuple):
     f_std: float
 
     def of_joint(self) -> tuple[float, float, float, float, float]:
-        """Return α, β = h^α f, the variance of α, the covariance of α and β, and the variance of β."""
+        """Return α, β = h^α f, var α, the covariance of α and β, and var β; h is the sampling period."""
         a, F = self.alpha_std**2, self.F_std**2
         return self.alpha, self.F - self.alpha, a, -a, a + F
 

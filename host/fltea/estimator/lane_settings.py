@@ -75,9 +75,11 @@ class LaneSettings:
     def table(self, lanes: int) -> Array:
         """Return the numbers of each lane in the order of the native engine, (lanes, 16).
 
-        The numbers are: h; x0, P0, Q and R of the state's filter; alpha0, P0, Q0, R and delta of the order's
-        filter; f0, P0, Q0, R and delta of the parameter's filter; and gate. With variant "joint" the joint
-        filter's numbers replace those of order and parameter.
+        The numbers are: the sampling period h; x0, P0, Q and R of the state's filter; alpha0, P0, Q0, R and
+        delta of the order's filter; f0, P0, Q0, R and delta of the parameter's filter; and gate. delta says
+        how fast the variance Q follows the changes of the estimate; gate is the largest innovation that is
+        not limited, in standard deviations. With variant "joint" the joint filter's numbers replace those of
+        order and parameter.
 
         Raises:
             ValueError: an array has another length, or no filter works with a number. The text names the

@@ -88,7 +88,7 @@ class Lanes:
 
     @property
     def restarts(self) -> NDArray[np.int64]:
-        """Number of restarts of each lane, (lanes,)."""
+        """Number of restarts of each lane (axis), (lanes,)."""
         return np.array(self._native.restarts(), dtype=np.int64)
 
     def interventions(self) -> NDArray[np.int32]:

@@ -63,8 +63,9 @@ LEAST_RIVAL = 0.02
 this probability.
 """
 MOST_OF_RIVALS = 6
-"""Rival models are used only if the noise without the offset has at most this many states. More states hide a
-walk of the offset, and cost more time.
+"""Two rival models, with a walking offset and with a constant offset, are kept only if the noise without the
+offset has at most this many states. With more states, the noise itself can imitate a walk of the offset, and
+the two models cost more time.
 """
 LEVEL_AT = 1e-3
 """Frequency at which the level of the spectrum is measured [rad per sample]."""
@@ -122,13 +123,13 @@ class OffsetWalk(NamedTuple):
         return Interval(*(math.sqrt(q / h) for q in np.exp(log_steps).tolist()))
 
     def system(self, bare: System, samples: int) -> System:
-        """Return the state-space model of a noise with the mean drift of its offset.
+        """Return the state-space model of a noise, with one drift of the offset for all possible drifts.
 
         `bare`: state-space model of the noise without an offset.
 
-        Of all linear filters, the filter for the mean of the drifts' spectra has the least mean square error.
-        The relaxations are combined into one relaxation, which has their mean variance and the mean variance
-        of their steps.
+        Of all linear filters, the filter for the mean spectrum of the possible drifts has the least mean
+        square error. The bounded walks among them are relaxations. They are combined into one relaxation,
+        which has their mean variance and the mean variance of their steps.
         """
         found, relaxation = bare, self.relaxation
         if relaxation is not None:
@@ -164,7 +165,7 @@ class OffsetWalk(NamedTuple):
 
     @property
     def relaxation(self) -> OffsetRelaxation | None:
-        """The mean of the bounded walks, as one relaxation; None if bounded walks are unlikely."""
+        """One relaxation for all bounded walks, with mean variances; None if bounded walks are unlikely."""
         bounded = self._bounded
         powers = (self.weights * self.steps)[bounded]
         if (q := float(powers.sum())) <= 0:
@@ -176,8 +177,9 @@ class OffsetWalk(NamedTuple):
     def by_walk(self) -> tuple[Array, Array, Array, Array]:
         """Return four arrays: the walks' step variances, their correlation times, the slopes, the weights.
 
-        The array of weights has the shape (walks, slopes), with one weight for each pair of a walk and a
-        slope. A slope is the standard deviation of the offset's slope, as in `slopes`.
+        An entry of the third array is, as in `slopes`, the standard deviation that a slope of the offset may
+        have. The array of weights has the shape (walks, slopes), with one weight for each pair of a walk and
+        a slope.
         """
         count = int((np.diff(self.slopes) <= 0).argmax()) + 1 if len(self.slopes) > 1 else 1
         steps, taus = (one[::count] for one in (self.steps, self.taus))
@@ -185,7 +187,7 @@ class OffsetWalk(NamedTuple):
 
     @property
     def _bounded(self) -> Mask:
-        """Mask (n,) of the bounded walks; all False if bounded walks are unlikely."""
+        """Mask (n,) of the bounded walks, with a finite correlation time; all False if these are unlikely."""
         bounded = np.isfinite(self.taus)
         return bounded if float(self.weights[bounded].sum()) >= LEAST else np.zeros_like(bounded)
 
@@ -197,10 +199,10 @@ class OffsetWalk(NamedTuple):
     def _with_slope(self, found: System, samples: int) -> System:
         """Return the system with a slope of the offset, if a slope explains enough of the samples' trend.
 
-        Let v be the error variance of the slope of a straight line that is fitted to the samples. Then a
-        slope of prior variance s² explains the proportion s² / (s² + v) of the fitted slope's variance. A
-        single Gaussian slope that explains the mean of these proportions stands for all slopes that are
-        tried.
+        The possible drifts have slopes with different prior variances s². Let v be the error variance of the
+        slope of a straight line that is fitted to the samples. Then a prior variance s² explains the
+        proportion s² / (s² + v) of the fitted slope's variance. The system gets a single slope, whose prior
+        variance explains the mean of these proportions, weighted by the probabilities of the drifts.
         """
         most = float(self.slopes.max())
         if most == 0:
@@ -255,8 +257,9 @@ def system_of(
     if walking is None or found.walk is CONSTANT:
         return found
     other = _followed(walking, h, samples, remembered, every)
-    # The correlation time of the relaxation is the best of all values, while the likelihood of the walk is a
-    # mean over as many values. Adding log(number of values) makes the comparison fair.
+    # The fitted relaxation has the correlation time that fits best of all. The walk in its place has a
+    # likelihood that is a mean over several correlation times, most of which fit badly. Adding log(their
+    # number) to the walk's log L makes the comparison fair.
     ahead = other.walk.likelihood - found.walk.likelihood + 2 * math.log(len(BOUNDS_FOUND))
     return other if other.walk is not CONSTANT and ahead > 0 else found
 
