@@ -17,7 +17,9 @@ PARTS = 8
 formulas call this number S.
 """
 FULL_PARTS = 64
-"""Largest number S of blocks per block length that the formulas use if a block begins at every sample."""
+"""If a block begins at every sample, many blocks begin within the length of one block. The formulas use at
+most this number of them as S.
+"""
 FINITE = 33
 """Largest number of samples in a block for which the exact formula for sampled noise is used. For longer
 blocks, the formula for continuous time is used.

@@ -140,10 +140,10 @@ def _stands_beside(other: FittedModel, model: FittedModel) -> bool:
 def _with(
     f: CandidateModels, model: FittedModel, kind: type[Part], left_out: tuple[type[Part], ...]
 ) -> FittedModel:
-    """Return the best fit of `model` with one more part of `kind`, and without parts of the kinds `left_out`.
+    """Return the best fit of `model` with one more fast part, and without parts of the kinds `left_out`.
 
-    `kind`: Relaxation or Rise. A fast part of this kind is added. The fit begins at the result of the last
-    fit with the same parts, if there is one.
+    `kind`: kind of the added part, Relaxation or Rise (noise whose power rises with the frequency). The fit
+    begins at the result of the last fit with the same parts, if there is one.
     """
     kept = [(code, at) for code, at in model.terms() if not _is(code, *left_out)]
     codes = [*(code for code, _ in kept), CODES.index(kind)]

@@ -1,7 +1,9 @@
 """The questions about the best model without an order, and the sentences of the verdict that answer them.
 
-Each part of a noise names its question in its row of `kTable` in host/native/whittle_parts.hpp (`Says`), and
-`spectrum.reading` finds the questions to which the answer is yes. Each question has one row in `ANSWERS`.
+An example is "Is there a resonance?". Each kind of part of a noise has a row in `kTable` in
+host/native/whittle_parts.hpp. The row names the question to which such a part answers yes (`Says`).
+`spectrum.reading` finds the questions to which the answer is yes for a whole model. Each question has one row
+in `ANSWERS`.
 """
 
 from collections.abc import Callable
@@ -36,7 +38,10 @@ NEXT_PEAK = (
 
 
 def both(e: Evidence, q: Questions, kind: VerdictKind, said: str) -> Verdict:
-    """Return the verdict if an order and a model without one describe the noise, which `said` describes."""
+    """Return the verdict if a model with an order and a model without one describe the noise equally well.
+
+    `said`: words for the model without an order.
+    """
     f = e.candidates
     assert f.order is not None
     q.order = order_fit(f, f.order)
@@ -193,10 +198,10 @@ def _low_pass(e: Evidence, q: Questions, said: str) -> Verdict:
 
 
 class Answer(NamedTuple):
-    """A question about the best model without an order."""
+    """A question about the best model without an order, and the verdict if the answer is yes."""
 
     question: Callable[[Evidence], str] | None
-    """The question in words. None if it is not listed where the answer is no."""
+    """The question in words. None: it is not listed with the verdict, unless `told` lists it."""
     told: Callable[[Evidence, Questions, str], Verdict]
     """Returns the verdict if the answer is yes. Its last argument are words for the model's parts."""
 
@@ -215,8 +220,9 @@ ANSWERS: dict[str, Answer] = {
         lambda e, q, said: _rising(e, q, said) if e.reading.rises else _low_pass(e, q, said),
     ),
 }
-"""The questions, in the order in which they are asked. Those about slow parts, for which an order may stand,
-are asked before it is settled whether an order describes the noise as well, the others afterwards.
+"""The questions, in the order in which they are asked. Those about slow parts, which a fractional order can
+imitate, are asked first. Then it is settled whether an order describes the noise as well. The others are
+asked after that.
 """
 if apart := ANSWERS.keys() ^ ({row.says for row in ROWS} - {"nothing", "order"}):
     raise LookupError(

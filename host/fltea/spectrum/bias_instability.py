@@ -59,7 +59,10 @@ def _needed(fit: Flicker) -> bool:
 
 
 def _describes(fit: Flicker, stands: FittedModel) -> bool:
-    """Return whether the three terms have about the same BIC as the model `stands`, or a lower one."""
+    """Return whether white noise, 1/f noise and a random walk describe the noise as well as `stands` does.
+
+    That is so if their BIC is about the same as that of this model, or lower.
+    """
     needed = 1 + (fit.gain > CRITICAL) + (fit.gain_of_walk > CRITICAL)
     others = sum(free_of(code) for code in stands.codes if kind_of(code) in SLOW_KINDS)
     return fit.behind < APART + math.log(fit.ordinates) * (others - needed)

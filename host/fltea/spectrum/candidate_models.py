@@ -87,7 +87,7 @@ class FittedModel(NamedTuple):
         return tuple(map(kind_of, self.codes))
 
     def terms(self) -> Iterator[tuple[int, int]]:
-        """Yield for each part its code number, and the index in `eta` of its first parameter."""
+        """Yield for each part the code number of its kind, and the index in `eta` of its first parameter."""
         at = 0
         for code in self.codes:
             yield code, at
@@ -121,11 +121,12 @@ class FittedModel(NamedTuple):
 class Fits:
     """Results from which a later fit of the same axis begins. This object keeps no reference to the data.
 
-    `raw`: the fitted models. `elsewhere`: transformed parameters of the fits with other orders that belong to
-    the interval of the reported order; None if these have not been searched for yet. `ends`: for each end of
-    a parameter's interval, the parameters there minus those of the best fit. A key of `ends` consists of the
-    codes of the model's parts, the parameter's index, and the side. `beside`: parameters of the other models
-    that are fitted for the interval of N. A key of `beside` consists of the codes of the model's parts.
+    `raw`: the fitted models. `elsewhere`: free parameters of fits with other, fixed orders, each of which
+    lies in the interval of the reported order; None if these have not been searched for yet. `ends`: for each
+    end of a parameter's interval, the parameters there minus those of the best fit. A key of `ends` consists
+    of the codes of the model's parts, the parameter's index, and the side. `beside`: parameters of the other
+    models that are fitted for the interval of N. A key of `beside` consists of the codes of the model's
+    parts.
     """
 
     def __init__(self, raw: list[Raw], last: "Fits | None" = None) -> None:
@@ -204,7 +205,7 @@ class CandidateModels:
 
     @property
     def ratio_white(self) -> float:
-        """Return by how much 2 log L of the null test's better alternative exceeds that of white noise."""
+        """Return by how much 2 log L of `null` or `missing`, the higher one, exceeds that of white noise."""
         return max(2 * (self.white.nll - min(self.null.nll, self.missing.nll)), 0.0)
 
     def gain(self, one: FittedModel) -> float:
@@ -222,7 +223,7 @@ class CandidateModels:
 
     @cached_property
     def lead_over_rich(self) -> float:
-        """Return by how much 2 log L is higher for the best model with an order than for `rich`."""
+        """Return by how much 2 log L of the best model with an order exceeds that of `rich`, without one."""
         return -math.inf if self.ordered is None else self.gain(self.ordered) - self.gain(self.rich)
 
 

@@ -81,8 +81,8 @@ chosen.
 """
 MOST_SOONER, FIRST_TEETH = 12, 8
 """An event may happen several times within the period that was found. MOST_SOONER: the largest number of
-times that is tried. FIRST_TEETH: this many of the lowest teeth of the shorter period are compared with the
-spectral lines between them.
+times that is tried. FIRST_TEETH: the lowest multiples of the shorter period's frequency, the teeth, are
+compared in height with the spectral lines between them. This many teeth are used.
 """
 NO_TOOTH, SHAPED = 1.5, 0.08
 """Spectral lines between the teeth are no teeth if their mean height is below one of two limits. Below
@@ -125,8 +125,9 @@ class _Ordinates:
     def terms(self, fundamental: Array, teeth: int) -> Array:
         """Return the evidence of each tooth for several fundamental frequencies, (f, teeth).
 
-        `fundamental`: these frequencies in ordinates, (f,). The evidence of a tooth is 0 if the tooth's
-        ordinate was left out, or has too few neighbours.
+        A tooth is the ordinate at a multiple of a fundamental frequency. `fundamental`: the fundamental
+        frequencies, (f,), in steps of the periodogram. The evidence of a tooth is 0 if its ordinate was left
+        out, or has too few neighbours.
         """
         at = np.rint(np.outer(fundamental, np.arange(1, teeth + 1))).astype(np.intp)
         flank = max(2, min(WIDEST_FLANK, int(fundamental.min() / 2) - GUARD))
@@ -270,8 +271,8 @@ def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
             if fundamental < FEWEST_PERIODS:
                 break
             number = np.rint(lines / fundamental)
-            # The frequency of a spectral line may differ from its multiple by about half an ordinate. The
-            # error of the fundamental frequency, times the number of the multiple, is added to this.
+            # A spectral line may lie half a step of the periodogram beside the multiple `number` of the true
+            # fundamental frequency. In addition, `fundamental` has an error, which counts `number` times.
             off = np.abs(lines - number * fundamental) <= 0.6 * (1 + number / order)
             found.append((int((off & (number > 0)).sum()), fundamental))
     most = max((count for count, _ in found), default=0)

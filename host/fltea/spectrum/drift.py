@@ -32,14 +32,14 @@ class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ratio: float = 1.0
     """The slow power, divided by the slow power that the best model predicts."""
     p: float = 1.0
-    """Probability of at least this ratio if the model is right at the slow frequencies, too."""
+    """Probability that `ratio` is at least this large, if the model is right at the slow frequencies, too."""
     offset: float = 0.0
-    """Power of the cubic that was subtracted from a long record, divided by the power that the model has at
-    the frequencies of such a cubic.
+    """From a long record, a cubic is subtracted. This is the power of the cubic, divided by the power that
+    the model has at the frequencies of slow waves that look like a cubic.
     """
     offset_p: float = 1.0
-    """Probability of at least this value of `offset` if the model is right at the frequencies of such a
-    cubic, too.
+    """Probability that the power of the subtracted cubic, divided by the model's, is at least `offset`, if
+    the model is right at such low frequencies, too.
     """
 
     def is_drift(self, false_alarm: float = FALSE_ALARM) -> bool:

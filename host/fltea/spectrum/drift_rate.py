@@ -20,9 +20,9 @@ from fltea.records.plus_minus import NORMAL_95
 
 AT_ONCE = 1 << 18
 FINE, COARSE = 4000, 1000
-"""Numbers of frequencies at which the integral is computed. At low frequencies, where the oscillations of j1²
-matter, FINE frequencies are used. At higher frequencies, COARSE frequencies are used, and j1² is replaced by
-its mean over an oscillation.
+"""Numbers of frequencies at which the integral for the variance of the slope is computed. At low frequencies,
+where the oscillations of the squared Bessel function j1² matter, FINE frequencies are used. At higher
+frequencies, COARSE frequencies are used, and j1² is replaced by its mean over an oscillation.
 """
 WAVES_TO = 100.0
 OUTSIDE = 0.05

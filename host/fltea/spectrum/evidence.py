@@ -44,10 +44,12 @@ class Evidence(NamedTuple):
     """
     peaks: tuple[Peak, ...]
     candidates: CandidateModels
-    """The candidate models, fitted to the clean ordinates."""
+    """The candidate models, fitted to the clean ordinates: those outside peaks, and above the drift's
+    frequencies.
+    """
     reading: Reading
-    """What the best model without an order says about the noise, after parts that are only traces of other
-    things were removed from the model.
+    """What the best model without an order says about the noise. Parts that only imitate something else, such
+    as the skirts of a peak, were removed from the model before.
     """
     from_hz: float
     to_hz: float
@@ -90,7 +92,8 @@ class Evidence(NamedTuple):
 def apart(level: float) -> float:
     """Return the smallest difference in 2 log L with which two models count as different.
 
-    `level`: significance level of a single refit. A smaller level gives a larger difference. So for a live
-    sensor, which is refitted often, wrong claims are no more frequent than for a recording.
+    `level`: significance level of a single refit. A smaller level gives a larger difference. A live sensor is
+    refitted often and has a smaller level. So wrong claims about it are no more frequent than for a
+    recording.
     """
     return APART - 2 * math.log(level / LEVEL)

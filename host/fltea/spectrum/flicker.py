@@ -56,7 +56,7 @@ class Flicker(NamedTuple):
     gain_of_walk: float
     """The gain of the random walk: how much higher 2 log L is with it."""
     behind: float
-    """2 log L of the model that stands for the noise, minus 2 log L of this fit. Both are computed at the
+    """2 log L of the model on which the verdict is based, minus 2 log L of this fit. Both are computed at the
     same frequencies.
     """
     ordinates: float
@@ -65,8 +65,8 @@ class Flicker(NamedTuple):
 class _Data(NamedTuple):
     """The bins of a spectrum.
 
-    `power`, `counts`: power and number of ordinates of each bin, (k,). `columns`: spectrum of each of the
-    three terms with amplitude 1 in each bin, (k, 3).
+    `power`, `counts`: power and number of ordinates of each bin, (k,). `columns`: spectra of white noise, 1/f
+    noise and a random walk of amplitude 1, at each bin, (k, 3).
     """
 
     power: Array
@@ -82,9 +82,10 @@ class _Data(NamedTuple):
 
 
 def flicker(f: CandidateModels, stands: FittedModel) -> Flicker | None:
-    """Return the fit of the three terms to the low frequencies of the spectrum of `f`.
+    """Return the fit of white noise, 1/f noise and a random walk to the low frequencies of a spectrum.
 
-    `stands`: the model that stands for the noise. The result is None if there are too few ordinates.
+    `f`: the candidate models, with the spectrum. `stands`: the model on which the verdict is based. The
+    result is None if there are too few ordinates.
     """
     lam = np.asarray(f.data.lam, dtype=np.float64)
     keep = lam < 2 * math.pi * SLOW

@@ -33,7 +33,7 @@ LEAKS_AT_MOST = 15.0
 
 
 class HighPassed(NamedTuple):
-    """The high-pass of a model, and those of the model's other parts that are real noise."""
+    """The high-pass of a model, and which of the model's other parts are real noise."""
 
     high_pass: HighPass
     parts: tuple[Part, ...]
@@ -82,7 +82,9 @@ def end_leak(f: CandidateModels, model: FittedModel) -> float:
     lam = np.geomspace(math.pi / f.samples, min(math.pi, math.pi * WHOLE / f.samples), POINTS)
     floor = sum(part.R for part in parts if isinstance(part, Floor))
     density = np.maximum(model.spectrum(lam, f.h) - floor, 0.0)
-    # From one end of n samples, noise of variance 1 leaks with the mean density 1 / (2 sin²(λ/2)) / n at λ.
+    # At each end of a record, the samples lack the neighbours that would cancel their slow parts. So power
+    # leaks to the frequency λ. From one end of n samples of noise of variance 1, its mean density there is 1
+    # / (2 sin²(λ/2)) / n.
     return float(np.trapezoid(density / np.sin(lam / 2) ** 2, lam)) / (2 * math.pi * f.samples)
 
 

@@ -24,12 +24,14 @@ from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
 AT_BOUND = {"alpha": 4.8, "f": 4.6, "F": 5.1, "s2": 5.1}
-"""Limits that replace CRITICAL for these parameters if the best fit with a given value has no white noise.
-Each is the 95 % point of a likelihood ratio for two normal estimates with the correlation ρ. The second, here
-the white noise's variance R, cannot be below 0. The points are 4.4 for |ρ| = 0.8, 4.6 for 0.88, 4.8 for 0.94
-and 5.1 for 1 (Self & Liang, *JASA* 82, 1987). The correlation between each parameter and R was computed from
-the Fisher information of 35 noises with R = 0. With 60,000 samples, nine tenths of them have at most 0.88 for
-f, 0.94 for α, 0.99 for F and 1 for s2 (tools/validation/bound.py).
+"""At the end of a parameter's 95 % interval, 2 log L of the best fit with this value is CRITICAL lower than
+at the maximum. If this fit has no white noise, these limits replace CRITICAL. The parameters are the order α,
+f, F = h^α f + α (h: sampling period), and s2, the variance of the state's steps. Each limit is the 95 % point
+of a likelihood ratio for two normal estimates with the correlation ρ. The second estimate, here that of the
+white noise's variance R, cannot be below 0. The points are 4.4 for |ρ| = 0.8, 4.6 for 0.88, 4.8 for 0.94 and
+5.1 for 1 (Self & Liang, *JASA* 82, 1987). The correlation between each parameter and R was computed from the
+Fisher information of 35 noises with R = 0. With 60,000 samples, nine tenths of them have at most 0.88 for f,
+0.94 for α, 0.99 for F and 1 for s2 (tools/validation/bound.py).
 """
 LEAST = 7.0
 """A variance counts as 0 if its logarithm is lower by more than this than the logarithm of the best value."""
@@ -40,11 +42,12 @@ which some fits start (`little_white`).
 BY_F, BY_PARAMETER, BY_NOISE, BY_STEP = (
     BY_NAME[name].code for name in ("order by F", "order by f", "order by Q", "arfima by s2")
 )
-"""Code numbers of parts that describe an order or ARFIMA by other free parameters than the parts in
-`fltea.noise.parts` do. So a fit can keep such a parameter at a fixed value. `OrderFit` explains the letters.
-In `fltea.noise.parts`, the free parameters of an order are α, logit(-g / 2^α) and log s2. BY_F has F and log
--g in place of the first two, and BY_PARAMETER has α and log -f. BY_NOISE has log Q in place of log s2. ARFIMA
-has log s2 / (1 - φ)² as a free parameter, and BY_STEP has log s2 in its place.
+"""Code numbers of parts that describe an order or ARFIMA by other free parameters than `fltea.noise.parts`
+uses. So a fit can keep such a parameter at a fixed value. The order α is part of x_k = h^α f x_{k-1} + ...,
+with g = h^α f, F = g + α, and the variance s2 = h^2α Q of a step (h: sampling period). In
+`fltea.noise.parts`, the free parameters of an order are α, logit(-g / 2^α) and log s2. BY_F has F and log -g
+in place of the first two. BY_PARAMETER has α and log -f in place of the first two. BY_NOISE has log Q in
+place of log s2. ARFIMA has log s2 / (1 - φ)² as a free parameter, and BY_STEP has log s2 in its place.
 """
 
 
@@ -127,11 +130,11 @@ def interval_end(
 
 
 def reparametrised(model: FittedModel, at: int, code: int, first: list[float]) -> FittedModel:
-    """Return the same model, in which the part at index `at` is described by other free parameters.
+    """Return the same model, with other free parameters for the part whose parameters begin at `eta[at]`.
 
     `code`: code number of the part with these free parameters. `first`: values of its first free parameters;
     its other parameters stay as they are. The spectrum stays the same. A part without free parameters, such
-    as a mean of samples, may have the same index, and is left as it is.
+    as a mean of samples, may stand before this part at the same index. It is left as it is.
     """
     codes = [code if place == at and free_of(one) else one for one, place in model.terms()]
     eta = [*model.eta[:at], *first, *model.eta[at + len(first) :]]

@@ -97,7 +97,9 @@ def find_median_filter(y: Array) -> MedianFilter | None:
     while longest < len(excess) and (excess[longest][1] or longest == 0):
         longest += 1
     if longest == len(excess):
-        # values repeat at every lag if they were rounded and two different offsets were added later
+        # Repeats at every lag are not the work of a filter. The values were rounded coarsely, and two
+        # different offsets were added later. So `quantum`, the smallest difference of values, is not the
+        # rounding step.
         return None
     return MedianFilter((longest + 1) | 1, excess[0][0])
 

@@ -23,8 +23,9 @@ from fltea.spectrum.periodogram import LOWEST, Periodogram
 from fltea.spectrum.spectral_lines import Peak, Repeats
 
 FEWEST_LINES = 5.0
-"""Teeth count as separate if it is at least this many lines from one tooth to the next. Under Hann's window a
-tooth is up to four lines wide.
+"""A tooth is a peak at a multiple of the comb's frequency; a line is one frequency of the octave spectrum.
+Teeth count as separate if they are at least this many lines apart. Under Hann's window a tooth is up to four
+lines wide.
 """
 LOBES = 2.75
 """Where Hann's window was used, this many lines on each side of a tooth are left out with the tooth."""
@@ -33,9 +34,9 @@ LEAKS = 0.05
 proportion of the noise's power.
 """
 AROUND, ASIDE = 12, 3
-"""AROUND: the level of the noise at a line is the median over this many lines on each side. ASIDE: a tooth
-also has to be higher than the two lines that are this many lines away from it. A hump that is lower may be a
-side lobe of a filter.
+"""AROUND: the level of the noise at a line (one frequency of the spectrum) is the median over this many lines
+on each side. ASIDE: a line counts as a tooth of a comb only as far as it is also higher than the mean of the
+two lines that are this many lines away. If it is not, it may be a side lobe of a filter.
 """
 FEWEST_CLEAR, CLEAR_BY_CHANCE = 5, 0.0062
 """CLEAR_BY_CHANCE: proportion of all lines that stand out clearly (see CLEAR) by chance. To save time, a comb
@@ -93,7 +94,8 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
     order = np.arange(1, MOST_TEETH + 1)
     teeth = np.outer(fundamentals, order)
     line = _nearest(p.lam, teeth)
-    # Teeth above the frequency at which they begin to merge give no evidence.
+    # The teeth (the multiples of a fundamental frequency) merge at high frequencies. There they give no
+    # evidence.
     end = _ends(fundamentals, p.lam, spread)
     seen = teeth < end[:, np.newaxis]
     terms = np.where(seen, deviate[line], 0.0)
@@ -122,8 +124,9 @@ def _nothing_stands_out(power: Array, weight: Array) -> bool:
     parts = power[: blocks * 2 * AROUND].reshape(blocks, 2 * AROUND)
     level = np.repeat(np.partition(parts, AROUND, axis=1)[:, AROUND], 2 * AROUND)
     thin = 1 / (9 * weight[: len(level)])
-    # `least` is the ratio of a line to the level that is as unlikely as the normal deviate CLEAR. It is
-    # computed from Wilson and Hilferty's approximation for a mean of `weight` ordinates.
+    # `least`: a line stands out clearly if its power is more than this many times the level. By chance this
+    # is as unlikely as a normal deviate above CLEAR. It is computed from Wilson and Hilferty's approximation
+    # for a mean of `weight` ordinates.
     least = (1 - thin + CLEAR * np.sqrt(thin)) ** 3 / (1 - thin) ** 3
     few = FEWEST_CLEAR + CLEAR_BY_CHANCE * len(level)
     return int(np.count_nonzero(power[: len(level)] > least * level)) < few
@@ -173,7 +176,7 @@ def _level(power: Array, weight: Array) -> Array:
 
 
 def _beside_a_notch(power: Array, level: Array, weight: Array) -> NDArray[np.bool_]:
-    """Return which lines may be side lobes of a filter, (m,): those near a line far below the level."""
+    """Return which lines may be side lobes of a filter, (m,): those near a notch, far below the level."""
     padded = np.pad(power / level, LOBE, mode="reflect")
     lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * LOBE + 1).min(axis=1)
     return np.asarray((lowest < NOTCH) & (weight > LEAST_WEIGHT))

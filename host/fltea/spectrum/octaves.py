@@ -39,8 +39,8 @@ SHORTEST = 64
 _FIRST_LINE: int = _native.OCTAVES_LOWEST
 _LINES = _native.OCTAVES_LINES
 JOIN = (_FIRST_LINE - 0.5) * 2 * 2 * math.pi / BLOCK
-"""Below this frequency [rad a sample of the whole-record level], the spectrum comes from the whole-record
-level. Above it, the spectrum comes from the octaves.
+"""Below this frequency, the spectrum comes from the record at a reduced rate; above it, from the octaves. The
+unit is rad per sample of the reduced rate.
 """
 _HANN_POWER = 0.375 * BLOCK
 _HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
@@ -48,9 +48,9 @@ _HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
 frequency.
 """
 _HALF_OVERLAP = 2 / 12
-"""Blocks that overlap by half are correlated, too, so even more frequencies count as one. This number is
-added to `_HANN_LINES`. It is the sum of the squared correlations of one frequency with all frequencies of the
-previous and of the next block.
+"""This is added to `_HANN_LINES`, the number of frequencies that count as one, since blocks that overlap by
+half are correlated, too. It is the sum of the squared correlations of one frequency with all frequencies of
+the previous and of the next block.
 """
 
 
@@ -96,13 +96,13 @@ class BandCells(NamedTuple):
     low_hz: float
     high_hz: float
     counts: Array
-    """The number of blocks of each cell, (c,). The blocks overlap by half."""
+    """The number of blocks of each cell (interval of time), (c,). The blocks overlap by half."""
     mean_log: Array
     """The mean logarithm of the powers of each cell's blocks, (c,). Powers are in the square of the samples'
     unit.
     """
     variance_log: Array
-    """The variance of the logarithms of each cell's powers, (c,); NaN for a cell with a single block."""
+    """The variance of the log powers of each cell's blocks, (c,); NaN for a cell with a single block."""
     first: NDArray[np.int64]
     """The index of the first sample of each cell, (c,). Lost samples are counted, too."""
     hop: int
@@ -110,9 +110,9 @@ class BandCells(NamedTuple):
     pairs: Array
     """For each scale s, the number of pairs of neighbouring runs of 2^s blocks that were compared, (k,)."""
     scale_variance: Array
-    """For each scale s, the mean of 2^s d²/2 over these pairs, (k,). Here d is the difference between the
-    mean logarithms of the two runs of a pair. If the blocks are independent, the expected value is the same
-    at all scales.
+    """For each scale s, the mean of 2^s d²/2 over all compared pairs of runs of 2^s blocks, (k,). d is the
+    difference between the mean log powers of the two runs. If the blocks are independent, the expected value
+    is the same at all scales.
     """
 
 
@@ -141,10 +141,10 @@ class Parts(NamedTuple):
     whole: list[Lines]
     """The frequencies, powers and weights of each unbroken stretch of the record at reduced rate."""
     depth: int
-    """Number of octaves. Their frequencies lie above those of the whole-record level."""
+    """Number of octaves. Their frequencies lie above those of the record at reduced rate."""
     drift: Drift | None
     n: int
-    """Number of samples, at the full rate, of the longest unbroken stretch of the whole-record level. If
+    """Number of samples, at the full rate, of the longest unbroken stretch of the record at reduced rate. If
     there is no stretch, the number of samples in a block of the lowest octave.
     """
 
@@ -184,7 +184,7 @@ class Octaves:
         """Add all that `other` contains, as if the record of `other` followed this one after a break.
 
         Raises:
-            ValueError: `other` has other lanes or another memory.
+            ValueError: `other` has another number of lanes (axes) or another memory.
         """
         self.native.merge(other.native)
 
@@ -211,7 +211,7 @@ class Octaves:
 
     @property
     def samples(self) -> int:
-        """The number of samples that each lane has received so far, whether they were used or not."""
+        """The number of samples that each lane (axis) has received so far, whether they were used or not."""
         counts, _ = self.native.counts(0)
         return counts[0] + counts[-2]
 
@@ -227,10 +227,10 @@ class Octaves:
         return self.native.noticed()
 
     def periodogram(self, lane: int, h: float) -> Periodogram:
-        """Return the spectrum of a lane with the weights of its ordinates. `h`: sampling period [s].
+        """Return the spectrum of a lane (axis) with the weights of its ordinates. `h`: sampling period [s].
 
-        The periodogram's `n` is the length of the longest unbroken stretch of the whole-record level, counted
-        in samples of the full rate.
+        The periodogram's `n` is the length of the longest unbroken stretch of the record at reduced rate,
+        counted in samples of the full rate.
 
         Raises:
             ValueError: the lane is constant, h is not positive, or there are too few samples yet.
@@ -302,7 +302,7 @@ class Octaves:
         return result
 
     def allan(self, lane: int) -> AllanPoints:
-        """Return the Allan variances of a lane."""
+        """Return the Allan variances of a lane (axis)."""
         return AllanPoints(*self.native.allan(lane))
 
 
@@ -314,7 +314,7 @@ def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:
     Raises:
         ValueError: there are too few frequencies for a fit.
     """
-    # Unless there are gaps, the frequencies rise from the last part to the first.
+    # The parts begin with the highest octave. Without gaps, frequencies rise from the last to the first.
     lam, power, weight = map(np.concatenate, zip(*reversed(parts), strict=True))
     if not (lam[1:] > lam[:-1]).all():
         lam, power, weight = in_order(*map(np.concatenate, zip(*parts, strict=True)))
@@ -336,9 +336,9 @@ def _welch_gain(level: int, lines: int) -> tuple[Array, Array]:
 
 
 def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) -> Lines:
-    """Return frequencies, powers and weights of one stretch of the whole-record level.
+    """Return frequencies, powers and weights of one stretch of the record at reduced rate.
 
-    The cubic drift is subtracted from long records, and its amplitudes are appended to `amplitudes`.
+    A cubic, the drift, is subtracted from long records. Its coefficients are appended to `amplitudes`.
     """
     m = len(y)
     lam, gain = _whole_gain(level, m)

@@ -56,8 +56,8 @@ class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def of_order(f: CandidateModels, model: FittedModel, code: int, at: int) -> dict[str, Interval]:
     """Return the intervals of those parameters of an order or of ARFIMA that need more than one search.
 
-    Such a parameter depends on several transformed parameters, or its likelihood may have several maxima. For
-    a part of any other kind the result is empty.
+    Such a parameter depends on several free parameters of the fit, or its likelihood may have several maxima.
+    For a part of any other kind the result is empty.
     """
     if kind_of(code) not in (Order, Arfima):
         return {}
@@ -127,10 +127,10 @@ def order_fit(f: CandidateModels, model: FittedModel) -> OrderFit:
 
 
 def _of_maximum(f: CandidateModels, model: FittedModel, at: int, first: bool = True) -> list[Ends]:
-    """Return α, F, -f, s2 and R, each with the interval around one maximum of the likelihood.
+    """Return α, F = h^α f + α, -f, s2 and R, each with the interval around one maximum of the likelihood.
 
-    `first`: whether this is the highest maximum of the likelihood. The ends around another maximum are not
-    stored for the next refit.
+    `first`: whether this is the highest maximum of the likelihood. Only then are the ends of the intervals
+    stored, as starts for the next refit.
     """
     here, s2_at = model.eta, at + 2
 
@@ -151,7 +151,7 @@ def _of_maximum(f: CandidateModels, model: FittedModel, at: int, first: bool = T
 
 
 def _values(f: CandidateModels, eta: Sequence[float], at: int) -> tuple[float, ...]:
-    """Return α, F, -f, s2 and R, computed from the transformed parameters `eta`."""
+    """Return α, F = h^α f + α, -f, s2 and R, computed from the free parameters `eta`."""
     g = g_of_eta(eta[at : at + 2])
     return eta[at], eta[at] + g, -f_of(eta[at], g, f.h), math.exp(eta[at + 2]), math.exp(eta[0])
 

@@ -2,8 +2,9 @@
 
 The difference of two models' BIC is about -2 times the logarithm of their Bayes factor (Schwarz, *Ann. Stat.*
 6, 1978). This is only approximate, since a search has chosen both models, and sums of relaxations have priors
-of their own. So the odds come from a logistic regression with two inputs. Both are leads of the best model
-with an order: one over the best model without an order, and one over the richest model without an order. The
+of their own. So the odds come from a logistic regression with two inputs. Both say how much better the best
+model with an order fits than a model without one. The first input compares it with the best model without an
+order, by BIC. The second compares it with a model without an order that may have more parts, by 2 log L. The
 regression was fitted to noises that were drawn at random. Half of them have an order, and the other half
 consist of relaxations (tools/validation/odds/populations.py, host/docs/evaluation/odds.md).
 """

@@ -26,7 +26,9 @@ from fltea.records.arrays import Array
 from fltea.spectrum.periodogram import AT_ONCE
 
 FLANK = 48
-"""Number of ordinates in the shortest flank. The flanks of a wide range are twice as long as the range."""
+"""A flank is the ordinates on one side of a range that may be a peak. This is the number of ordinates in the
+shortest flank. The flanks of a wide range are twice as long as the range.
+"""
 SHORTEST_FLANK = 4
 """Near frequency 0, the lower flank has at least this many ordinates."""
 END_WIDTHS = (1, 2, 4)
@@ -154,7 +156,10 @@ def _at_nyquist(sums: Array, false_alarm: float) -> tuple[float, int, int, float
 
 @functools.lru_cache(maxsize=8)
 def _end_tries(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the first ordinates and the widths of the ranges to try near the ends of m ordinates."""
+    """Return the ranges that may be peaks near the ends of m ordinates.
+
+    The arrays are the index of each range's first ordinate, and its width in ordinates.
+    """
     tries = [
         (at, width)
         for width in END_WIDTHS

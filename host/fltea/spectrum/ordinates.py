@@ -106,7 +106,7 @@ class Ordinates(NamedTuple):
         return float(self.power.sum() if self.spread is None else self.power @ self.spread)
 
     def width_hz(self, at: NDArray[np.intp]) -> float:
-        """Return the total width [Hz] of the bands for which the values `at` stand."""
+        """Return the total width [Hz] of the bands for which the values with the indices `at` stand."""
         if self.spread is None:
             return len(at) / (self.n * self.h)
         return float(self.spread[at].sum() / (2 * math.pi * self.h))

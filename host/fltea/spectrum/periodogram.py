@@ -98,7 +98,7 @@ class Binned(NamedTuple):
 
     @property
     def ordinates(self) -> int:
-        """The number of ordinates in all bins, which is the sample size for BIC and for the null test."""
+        """The number of ordinates in all bins: the sample size for BIC, and for the test of white noise."""
         return round(float(self.counts.sum()))
 
 

@@ -43,7 +43,7 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Questions:
-    """The questions asked so far, and what of the verdict is known by them."""
+    """The questions that were asked about an axis's noise, and what is known for the verdict so far."""
 
     def __init__(self) -> None:
         self.asked: list[Rule] = []

@@ -64,10 +64,10 @@ with the frequency if its mean there is more than RISES times the density at the
 """
 
 SLOW_SAYS = frozenset(kind.row().says for kind in SLOW_PARTS)
-"""Questions about slow parts."""
+"""The questions about slow parts, such as a random walk, by their names (see `Reading.says`)."""
 OF_MODEL = frozenset({"nothing", "relaxations", "resonance", "notch", "high-pass"})
-"""Questions that the row of a part alone does not answer, since it depends on the rest of the model whether
-the part is noise.
+"""Questions whose answer depends on several parts of a model, by their names. The answer to another question
+is yes if one part names it in its row of `kTable` (host/native/whittle_parts.hpp).
 """
 
 
@@ -75,10 +75,10 @@ class Reading(NamedTuple):
     """What a model says about the noise in addition to white noise."""
 
     says: frozenset[str]
-    """The questions to which the answer is yes (`spectrum.answers`), by their names in the enum `Says` of
-    host/native/whittle_parts.hpp. Of most parts of the model, this is the question in the part's row.
-    "drift" is also said of a relaxation that is too slow to be distinguished from a random walk, and "colour"
-    of a relaxation that is a filter.
+    """The questions about the noise to which the answer is yes (`spectrum.answers`), by their names in the
+    enum `Says` of host/native/whittle_parts.hpp. In its table of parts, most parts of a model have the name
+    of the question to which they answer yes. "drift" is also said of a relaxation that is too slow to be
+    distinguished from a random walk, and "colour" of a relaxation that is a filter.
     """
     relaxations: tuple[Relaxation, ...]
     """The relaxations whose corner frequency is in the fitted band, the slowest first."""
@@ -161,10 +161,10 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
 def _resonances(
     parts: Sequence[Part], beside: bool, model: FittedModel, low_pass: LowPass | None, h: float
 ) -> list[Resonance]:
-    """Return the resonances that are noise. `beside`: whether the model says anything else.
+    """Return the resonances that are part of the noise.
 
-    If the model has other parts, a resonance may only correct their shape. If it has no other parts, a
-    resonance is real.
+    Others only correct the shape of the model's other parts. `beside`: whether the model says anything else
+    about the noise. If it does not, all resonances are part of the noise.
     """
     found = [part for part in parts if isinstance(part, Resonance)]
     if not beside:

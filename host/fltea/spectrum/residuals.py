@@ -20,8 +20,8 @@ def farthest(ratio: Array, weight: Array | None = None) -> float:
     ordinates that each value averages; m is then the sum of the weights.
     """
     if weight is not None:
-        # A value of weight w contributes w I/S to the sum. This contribution has the variance w, so that the
-        # sum of all weights takes the place of m.
+        # A value is a mean of w ordinates, its weight. It contributes w I/S to the sum, with the variance w.
+        # So the sum of all weights takes the place of the number m of ordinates.
         sums, line = np.cumsum(ratio * weight), weight.cumsum()
         return float(np.abs(sums / sums[-1] - line / line[-1]).max()) * math.sqrt(line[-1])
     sums = np.cumsum(ratio, out=ratio)

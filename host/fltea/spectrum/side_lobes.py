@@ -22,8 +22,8 @@ lobe's power. The multiple is large since the powers of single ordinates scatter
 """
 TELLING_AVERAGED = 5.0
 AVERAGED = 8.0
-"""For values that average at least this effective number of ordinates, the smaller factor TELLING_AVERAGED is
-enough.
+"""For values that average at least this effective number of ordinates, the smaller factor TELLING_AVERAGED
+takes the place of TELLING.
 """
 
 
@@ -35,8 +35,9 @@ def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> 
     `lam`, `power`: frequencies and powers, (m,), in the order of rising frequency. `least`: smallest number
     of values over which the power is averaged.
     """
-    # The part of the spectrum beyond the notch is at least as wide as the hump, so averages there may be as
-    # wide. The notch may be narrower than the hump, so averages in the notch are half as wide.
+    # Powers are averaged over neighbouring values. `wide`: on the far side of the notch, the pass band is at
+    # least as wide as the hump, so averages there are as wide as the hump. `fine`: the notch may be narrower
+    # than the hump, so averages in it are half as wide.
     wide, fine = smoothed(power, max(least, stop - start)), smoothed(power, max(least, (stop - start) // 2))
     top, height = start + int(fine[start:stop].argmax()), float(power[start:stop].mean())
     low = np.flatnonzero(fine[:top] < DEPTH * height)

@@ -72,7 +72,7 @@ class Spectral(msgspec.Struct, frozen=True):
 
     evidence: Evidence
     likelihood_ratio: float
-    """The null test's likelihood ratio on all ordinates."""
+    """The likelihood ratio of the null test (is it white noise?), on all ordinates."""
     ordinates: int
     """The effective number of all ordinates."""
     band: Band
@@ -99,7 +99,7 @@ def examine(
     high) `notch` [Hz]. `duration_s`, `samples`: length of the record. `cells`: band powers over time for the
     test of stationarity. If empty, there is no test. `drift`: the drift that was subtracted from the samples.
     `peaks`: peaks that were found elsewhere with a finer resolution; None to search for peaks in `whole`.
-    `before`: the ordinates before a comb among these peaks was removed; None if no comb was removed.
+    `before`: if a comb (lines at all multiples of a frequency) was removed, the ordinates with it; else None.
     `median`: the median filter detected in the samples. `level`: significance level of each test.
     `last_refit`: results of earlier refits.
 
@@ -154,7 +154,9 @@ class _Seen(NamedTuple):
     bands: Bands
     """One band for each of `peaks`."""
     rest: Periodogram
-    """The ordinates outside the bands of the comb and of the median filter."""
+    """The ordinates outside the frequency bands that are left out for a comb of lines and for a median
+    filter.
+    """
 
 
 def _seen(
@@ -200,7 +202,7 @@ def _peaks(whole: Periodogram, false_alarm: float) -> tuple[tuple[Peak, ...], Ba
         return find_peaks(whole, false_alarm), ()
     try:
         return (comb.peak, *find_peaks(whole.without(0.0, comb.bands), false_alarm)), comb.bands
-    except ValueError:  # too few values of the spectrum are left between the teeth
+    except ValueError:  # too few values of the spectrum are left between the comb's lines
         return (comb.peak,), ()
 
 
@@ -248,7 +250,7 @@ def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> P
 
 
 def _highest(f: CandidateModels) -> Callable[[Array], Array]:
-    """Return a function of λ: the highest spectrum of plausible models, with the leakage from the ends."""
+    """Return a function of λ: the highest spectrum of plausible models, with leakage from a record's ends."""
     possible = [f.plain] + ([f.ordered] if f.ordered is not None and f.lead > -APART else [])
 
     leaks = [(one, LEAKS_AT_MOST * end_leak(f, one)) for one in possible]
@@ -299,7 +301,7 @@ class _Clean(NamedTuple):
 
     @property
     def to_hz(self) -> float:
-        """The highest frequency [Hz] of the clean ordinates."""
+        """The highest frequency [Hz] of the clean ordinates, to which the models are fitted."""
         return float(self.ordinates.lam[-1]) / (2 * np.pi * self.ordinates.h)
 
     def band(self, left_out: Bands) -> Band:

@@ -32,15 +32,17 @@ LINE_SKIRT = 3
 it.
 """
 SHORTEST_FLANK = 12
-"""If the values in a filter's stop band average over blocks, a whole side lobe or notch is taken to be this
-many values wide.
+"""At high frequencies, values of the running spectrum average over blocks. If the values in a filter's stop
+band do, a whole side lobe or notch is taken to be this many values wide.
 """
 SKIRT = 0.05
 """Values of the running spectrum belong to the skirt of a peak only if they exceed the level around the peak
 by at least this proportion.
 """
 NARROW = 3
-"""If a peak is at most this many averages over blocks wide, it may be a spectral line or a resonance."""
+"""A peak among values that average over blocks may be a line or a resonance if it is at most this many values
+wide.
+"""
 LINE_ORDINATES = 6
 """A peak with nearly all its power in about this many ordinates is a spectral line, since its phase is stable
 over the whole record.
@@ -56,8 +58,8 @@ class Repeats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     harmonics: int
     """Approximate number of lines of the event in the spectrum."""
     shape: Literal["glitch", "wave", "unknown"] = "unknown"
-    """A glitch is much shorter than the period. In live data the shape is "unknown", since the sums over
-    samples do not show it.
+    """What the event is. A "glitch" is much shorter than the period, a "wave" is not. In live data the shape
+    is "unknown", since the sums over samples do not show it.
     """
     duration_s: float | None = None
     """The duration of a glitch, in seconds."""
@@ -117,7 +119,8 @@ def _search(lines: Ordinates, total: float, false_alarm: float) -> tuple[Peak, .
 def _notch_below(lines: Ordinates, found: Found) -> float | None:
     """Return where the notch next to the peak begins if the peak is a side lobe of a filter; else None.
 
-    If the peak lies among averages over blocks, the notch is searched only among such averages.
+    At high frequencies, values of the running spectrum average over blocks. If the peak lies among such
+    values, the notch is searched only among them.
     """
     averaged = lines.is_averaged(found.start)
     begin = lines.first_average_before(found.start) if averaged else 0

@@ -27,7 +27,9 @@ LEAST_IN_CELL = 4
 LEAST_SIZE = 1.25
 """Smallest change that is reported, as a ratio of powers. A smaller change is of no practical importance."""
 MOSTLY_ONE_STEP = 0.6
-"""A change is called a step if one step explains at least this proportion of the variance between cells."""
+"""A change is called a step if one step explains at least this proportion of the variance of the power
+between the cells (intervals of time).
+"""
 
 
 class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -38,21 +40,21 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     p: float
     """The p-value of the test that found the change, multiplied by the number of all tests."""
     size: float
-    """The size of the change, as a ratio of powers: two standard deviations of the power's level over time,
-    after what chance explains was subtracted. For a single step in the middle of the record, this is the size
-    of the step.
+    """The size of the change, as a ratio of two powers, whose logarithms are two standard deviations apart.
+    This is the standard deviation of the log power over time, after what chance explains was subtracted. For
+    a single step in the middle of the record, the ratio is the size of the step.
     """
     ratio: float = 1.0
     """The mean power after `at_s`, divided by that before `at_s`; 1 if the power went up and down."""
     at_s: float = 0.0
     """If the record is divided in two at this time, the two parts differ most."""
     share: float = 0.0
-    """Proportion of the variance between cells that is explained by the division of the record at `at_s`. The
-    rest comes from changes up and down.
+    """Proportion of the power's variance between the cells (intervals of time) that the division of the
+    record at `at_s` explains. The rest comes from changes up and down.
     """
     half_s: float | None = None
-    """Time from a high power to the following low power, known to a factor of two; None if the change was
-    found by a comparison of cells.
+    """Time from a high power to the following low power, known to a factor of two. None if the change was
+    found by comparing cells (intervals of time), and not by comparing time scales.
     """
     period_s: float | None = None
     """Period of the changes, if the samples show that the power goes up and down regularly."""
@@ -74,9 +76,12 @@ class _Parted(NamedTuple):
     ratio: float
     at_s: float
     explained: float
-    """Variance between cells that is explained by the division of the record in two parts at `at_s`."""
+    """Variance between the cells (intervals of time) that the division of the record in two parts at `at_s`
+    explains.
+    """
     share: float
-    """Proportion of the variance between cells that is explained by the division at `at_s`."""
+    """Proportion of the variance between the cells (intervals of time) that the division at `at_s` explains.
+    """
 
 
 Found = TypeVar("Found", _Parted, Swing)
@@ -103,7 +108,8 @@ def find_change(
     cells_of = [(band, joined) for band in looked if (joined := _joined(band)) is not None]
     parted = [(band, one) for band, its in cells_of if (one := _compared(*its, h)) is not None]
     swinging, compared = find_swings(looked, h)
-    # Each of the two tests (cells, time scales) gets half of the significance level.
+    # Each of the two tests (of cells, which are intervals of time, and of time scales) gets half of the
+    # significance level.
     tests, comparing = 2 * len(cells_of), 2 * compared
     step, worst = _worst(parted, tests, level), _worst(swinging, comparing, level)
     if step is not None:
@@ -144,7 +150,7 @@ def _size(variance: float) -> float:
 def _compared(
     counts: Array, means: Array, first: Array, within: float, degrees: float, h: float
 ) -> _Parted | None:
-    """Compare the cells of an octave. Return None if the cells differ too little to matter.
+    """Compare the power in the cells (intervals of time) of an octave. Return None if it differs too little.
 
     The arguments are what `_joined` returns.
     """
@@ -194,13 +200,13 @@ def _joined(band: BandCells) -> tuple[Array, Array, Array, float, float] | None:
         return None
     n = np.add.reduceat(counts, starts)
     mean = np.add.reduceat(counts * means, starts) / n
-    # This is the sum of the squared differences between the blocks' logarithms and the mean of the joined
-    # cell.
+    # `total`: for each joined cell (interval of time), the sum of the squared differences between the log
+    # powers of its blocks and their mean.
     total = np.add.reduceat(squares + counts * means**2, starts) - n * mean**2
     degrees = float(n.sum()) - len(n)
     within = float(total.sum()) / degrees
     if not within > 0:
         return None
-    # Neighbouring blocks are slightly correlated, so that a cell's mean varies more than independent blocks
-    # would.
+    # Neighbouring blocks are slightly correlated, so the mean over a cell (interval of time) varies more than
+    # that of independent blocks would.
     return n, mean, first[starts], within * (1 + 2 * OVERLAP), degrees

@@ -26,7 +26,9 @@ MOST_ALIKE = 0.1
 overlapping blocks, and a resonance continues from one block to the next.
 """
 FEWEST_PAIRS = 3
-"""A scale is used only if it has at least this many pairs of runs."""
+"""At scale s, pairs of neighbouring runs of 2^s blocks are compared. A scale is used only if it has at least
+this many pairs.
+"""
 EVERYDAY = 3.0
 """A difference of at most this many standard deviations is not significant at any level in use."""
 
@@ -41,7 +43,7 @@ class Swing(NamedTuple):
     """Variance of the logarithm of power, minus the variance that chance explains, summed over all scales."""
     half_s: float
     """Time from a high power to the following low power, known to a factor of two. It is computed from the
-    scale with the largest part of this variance.
+    scale that has the largest part of `variance`.
     """
 
 
@@ -55,7 +57,7 @@ class _Compared(NamedTuple):
 
 
 def find_swings(bands: Sequence[BandCells], h: float) -> tuple[list[tuple[BandCells, Swing]], int]:
-    """Return the most significant time scale of each band in which a scale is unusual.
+    """Return the bands whose power varies unusually at a time scale, with the most significant scale of each.
 
     Also return the number of comparisons of scales that were made in all bands. `h`: sampling period [s].
     """
@@ -96,17 +98,18 @@ class _Scales(NamedTuple):
         return cls(runs, band.pairs[known], band.scale_variance[known])
 
     def slow(self) -> _Compared:
-        """Compare each scale with the shorter scales."""
+        """Compare the variance of the power at each time scale with the mean variance at shorter scales."""
         return _against(self.variance / _expected(self.runs, MOST_ALIKE), self.pairs)
 
     def fast(self) -> _Compared:
-        """Compare each scale with the longer scales."""
+        """Compare the variance of the power at each time scale with the mean variance at longer scales."""
         return _against((self.variance / _expected(self.runs, OVERLAP))[::-1], self.pairs[::-1])
 
     def swing(self, deviate: float, usual: float, alike: float, hop_s: float) -> Swing:
-        """Return a `Swing`. Its variance is by how much the variances at the scales exceed `usual`.
+        """Return a `Swing`. Its variance is by how much the power varies more than usual, at all time scales.
 
-        `hop_s`: time [s] from one block to the next.
+        `usual`: the usual variance of single blocks. `alike`: correlation of neighbouring blocks. `hop_s`:
+        time [s] from one block to the next.
         """
         excess = np.maximum(self.variance - usual * _expected(self.runs, alike), 0.0) / (2 * self.runs)
         return Swing(deviate, float(excess.sum()), float(self.runs[excess.argmax()]) * hop_s)

@@ -181,9 +181,9 @@ def band(e: Evidence) -> str:
 
 
 def either(ordered: str, said: str, value: float | None) -> str:
-    """Return a sentence that says that the noise is either `ordered` or `said`.
+    """Return a sentence that says that the noise is either one with an order, or one without.
 
-    `value`: odds of the order, if known.
+    `ordered`, `said`: words for the noise with an order, and without. `value`: odds of the order, if known.
     """
     if value is None or 1 / LIKELY < value < LIKELY:
         return f"This record cannot separate {ordered} from {said}"
