@@ -18,11 +18,11 @@ class BlockFft {
     typedef typename Kind::Power Power;
     enum { kBlock = 256, kHalf = kBlock / 2 };
 
-    // Sum of the squared values of the window. For white noise of variance R, the mean power of every
-    // spectral line is R times this sum.
+    // Sum of the squared values of the window. For white noise of variance R, the mean power at every
+    // frequency is R times this sum.
     static constexpr double scale() { return 0.375 * double(kBlock); }
 
-    // Working memory of the transform. At the end it has the powers of the spectral lines.
+    // Working memory of the transform. At the end it has the powers at all frequencies.
     class Work {
         friend class BlockFft;
         union Half {
@@ -31,7 +31,7 @@ class BlockFft {
         } half_[2];
     };
 
-    // powers() computes power[i], the power of the spectral line with index low + i, for i < lines. low is at
+    // powers() computes power[i], the power at the frequency with index low + i, for i < lines. low is at
     // least 1, and low + lines at most 128. The mean of the block is subtracted first to avoid rounding
     // errors. After the multiplication by the window, the mean would affect only lines 0 and 1. If `places`
     // is n, the unit of the powers is 2^-2n times the squared unit of x.

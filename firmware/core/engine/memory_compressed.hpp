@@ -66,7 +66,7 @@ class CompressedMemory {
     // Adds the newest estimate: state x and variance P. Both have to be finite, because a NaN would stay in
     // the sums forever.
     void push(T x, T P) {
-        // The oldest of the newest 15 samples moves to the modes.
+        // The oldest of the newest 15 samples moves to the modes, the decaying sums of older samples.
         head_position_ = (head_position_ == 0 ? Nodes::kHead : head_position_) - 1;
         T *const new_x = x_ + head_position_, *const new_P = P_ + head_position_;
         const T x_in = new_x[0], P_in = new_P[0];

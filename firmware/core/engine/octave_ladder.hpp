@@ -28,7 +28,7 @@ class OctaveLadder {
   public:
     typedef typename Kind::Input Input;
     enum { kLevels = Kind::kLevels, kTopLines = 83, kLines = 45, kMostAtOnce = 128 };
-    typedef WelchLevel<Kind, kTopLines> Top;  // level 0; its spectral lines reach up to the Nyquist frequency
+    typedef WelchLevel<Kind, kTopLines> Top;  // level 0; its frequencies reach up to the Nyquist frequency
     typedef WelchLevel<Kind, kLines> Deep;
     typedef WholeStream<Kind> Whole;
 

@@ -13,8 +13,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Sums |FFT|^2 over blocks of 256 values that overlap by half. Of the 128 spectral lines, only kLowest ...
-// kLowest + kLines - 1 are summed.
+// Sums |FFT|^2 over blocks of 256 values that overlap by half. Of the 128 frequencies, only those with the
+// indices kLowest ... kLowest + kLines - 1 are summed.
 template <typename Kind, int kLines>
 class WelchLevel {
     typedef typename Kind::Value Value;
