@@ -146,7 +146,7 @@ class Remembered:
         return self.likelihoods(system, [()])[0]
 
     def likelihoods(self, bare: System, more: Sequence[Sequence[Coordinate]]) -> list[float]:
-        """Return 2 log L of the samples for some noise models: `bare` with each set of states in `more`."""
+        """Return 2 log L of the samples for each noise model: `bare` with one set of states from `more`."""
         return self.native.likelihoods(bare.numbers, more)
 
     def likelihood_of_walks(self) -> float:
