@@ -47,7 +47,7 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     K: Coefficient
     """K in the unit of the samples divided by √s."""
     model: tuple[float, ...] = ()
-    """Allan deviations of the model that stands for the noise; empty if there is no model."""
+    """Allan deviations of the noise model on which the verdict is based; empty if there is no model."""
 
     @classmethod
     def of(cls, found: Points, differences: ArrayLike, h: float, unit: str) -> "Allan":

@@ -162,7 +162,7 @@ def _with(
 
 
 def _rising(rest: list[float], delta: float, share: float) -> list[float]:
-    """Return transformed parameters from which a fit with one more part starts.
+    """Return free parameters from which a fit with one more part starts.
 
     The parameters are `rest` and those of a rise (a part whose density rises with the frequency) with the
     exponent `delta`. `share`: ratio of the rise's density at half the sample rate to that of the white noise.
@@ -171,7 +171,7 @@ def _rising(rest: list[float], delta: float, share: float) -> list[float]:
 
 
 def _relaxing(rest: list[float], rate: float, share: float) -> list[float]:
-    """Return transformed parameters from which a fit with one more part starts.
+    """Return free parameters from which a fit with one more part starts.
 
     The parameters are `rest` with less white noise, and those of a relaxation with the corner frequency
     `rate` [rad a sample]. `share`: ratio of the relaxation's density at low frequencies to that of the white

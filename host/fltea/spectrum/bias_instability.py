@@ -34,7 +34,7 @@ def bias_instability(
     """Return B in `unit`.
 
     `of_curve`: B that was read from the curve of the Allan deviation alone. `f`: the candidate models.
-    `stands`: the model that stands for the noise.
+    `stands`: the model on which the verdict is based.
     """
     fit = flicker(f, stands)
     if fit is None or not _describes(fit, stands):

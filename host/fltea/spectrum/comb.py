@@ -283,7 +283,7 @@ def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
 
 
 def _judged(ordinates: _Ordinates, period: float, within: float) -> tuple[float, float, int] | None:
-    """Return evidence, fundamental frequency (in ordinates) and number of teeth of the best nearby period.
+    """Return evidence, fundamental frequency [ordinates] and number of teeth of the best nearby period.
 
     Periods that differ from `period` by up to `within` are tried; both are in samples. The evidence is minus
     the logarithm of an upper bound of the probability that noise would give as much.

@@ -84,7 +84,7 @@ def _at(code: int, eta: Sequence[float], k: int, end: float, h: float, name: str
 
 
 def _falls(ends: Sequence[float | None], value: float) -> bool:
-    """Return whether the two ends are swapped, since the parameter falls as its transformed value rises."""
+    """Return whether the two ends are swapped, since the parameter falls as the free parameter rises."""
     low, high = ends
     return (low is not None and low > value) or (high is not None and high < value)
 

@@ -14,7 +14,7 @@ NOTHING = 1e-4
 
 
 def information_of(f: CandidateModels, model: FittedModel) -> Array:
-    """Return the Fisher information of a model's transformed parameters, (p, p)."""
+    """Return the Fisher information of a model's free parameters, (p, p)."""
     _, rows = slopes(f, model.codes, model.eta)
     return np.asarray((rows * f.data.counts) @ rows.T)
 

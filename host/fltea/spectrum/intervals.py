@@ -88,7 +88,7 @@ def interval_of(
     step: float = 0.1,
     keep: bool = True,
 ) -> Ends:
-    """Return transformed parameter `i` with its interval. An end beyond one of `limits` becomes this limit.
+    """Return free parameter `i` with its interval. An end beyond one of `limits` becomes this limit.
 
     `name`: name of the parameter in AT_BOUND. `step`, `keep`: as for `interval_end`.
     """

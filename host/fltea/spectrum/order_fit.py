@@ -157,7 +157,7 @@ def _values(f: CandidateModels, eta: Sequence[float], at: int) -> tuple[float, .
 
 
 def _elsewhere(f: CandidateModels, model: FittedModel, at: int) -> list[list[float]]:
-    """Return the transformed parameters of fits, each with a fixed order that is in the order's interval.
+    """Return the free parameters of fits, each with a fixed order that is in the order's interval.
 
     The first call after a model search tries all orders in ORDERS_TRIED. Later calls repeat only those fits
     whose order was found to lie in the interval.

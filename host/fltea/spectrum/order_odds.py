@@ -23,9 +23,9 @@ def order_odds(lead: float, lead_over_rich: float, ordinates: float) -> float:
     """Return the odds that there is an order. The odds are at least 1 / MOST and at most MOST.
 
     `lead`: by how much the best model with an order exceeds the best model without one in 2 log L, after
-    BIC's price for further parameters is subtracted.
-    `lead_over_rich`: by how much the best model with an order exceeds the richest model without one in 2 log
-    L. `ordinates`: number of ordinates to which the models are fitted.
+    BIC's price for further parameters is subtracted. `lead_over_rich`: by how much the best model with an
+    order exceeds a model without one in 2 log L, which may have more parts. `ordinates`: number of ordinates
+    to which the models are fitted.
     """
     lowest, highest = ORDINATES
     decades = math.log10(min(max(ordinates, lowest), highest) / lowest)

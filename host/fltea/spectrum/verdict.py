@@ -2,10 +2,10 @@
 
 Two sets of models compete: models with an order and models without one. A search finds the best model of each
 set. A set wins if its best model leads by `APART` in 2 log L after BIC's price, and meets one more condition.
-A model with an order also has to lead over richer models without one. A model without an order has to lead
-far over the model in which an order replaces its relaxations. If neither set wins, the best model of each is
-reported. Each question is stored with the figure that answered it, so that a reader can follow the verdict.
-The questions about a model without an order are in `spectrum.answers`.
+A model with an order also has to lead over models without one that have more parts. A model without an order
+has to lead far over the model in which an order replaces its relaxations. If neither set wins, the best model
+of each is reported. Each question is stored with the figure that answered it, so that a reader can follow the
+verdict. The questions about a model without an order are in `spectrum.answers`.
 """
 
 from fltea.noise.filters import ONE_POLE
@@ -22,9 +22,10 @@ from fltea.spectrum.residuals import kolmogorov
 
 CLAIMED, LEAST_OVER_RICH = 12.0, 4.0
 """The noise is called fractional if the odds of an order are at least CLAIMED, and if the best model with an
-order exceeds the richest one without an order by LEAST_OVER_RICH in 2 log L. With these limits, at most one
-in a hundred noises without an order is called fractional. This holds for each kind of such noises, even for
-sums of regularly spaced relaxations, which look like an order (host/docs/evaluation/odds.md).
+order exceeds one without an order, which may have more parts, by LEAST_OVER_RICH in 2 log L. With these
+limits, at most one in a hundred noises without an order is called fractional. This holds for each kind of
+such noises, even for sums of regularly spaced relaxations, which look like an order
+(host/docs/evaluation/odds.md).
 """
 LEAST_RESIDUAL_LEVEL = 0.01
 """Lowest significance level of the residuals' test, which can only contradict the claim of an order."""
