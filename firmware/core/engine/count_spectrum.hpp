@@ -157,9 +157,9 @@ struct CountSpectrum {
         }
         Value value(Stored x) const { return Value(x) * (1 << shift_) + base_; }
 
-        // Chooses base and unit anew, so that all stored values and the newest value fit into 16 bits (as
-        // multiples of the unit above the base). Keeps the old base and unit if the new unit would be larger
-        // than 2^most times the unit of this level of the running spectrum.
+        // Chooses base and unit anew, so that all stored values and the newest value fit into 16 bits, as
+        // multiples of the unit, counted from the base. Keeps the old base and unit if the new unit would be
+        // larger than 2^most times the unit of this level of the running spectrum.
         void choose(Value newest, Stored* x, int fill, int most) {
             Value low = newest, high = newest;
             for (int i = 0; i < fill; ++i) {

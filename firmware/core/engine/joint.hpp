@@ -48,7 +48,7 @@ struct Joint {
         note_order<Memory>(alpha, T(Real<T>(kLowestVarianceOrder)), guards);
         T past, V;
         memory.sums(alpha, past, V);
-        V = max(V, T(0));  // rounding can make the sum of a compressed memory slightly negative
+        V = max(V, T(0));  // weighted sum of past variances, which rounding can make slightly negative
         const Prediction<T> at = predict_state(state, alpha, beta, beta * state.x + drive, past, V, p.Q);
         update_state(state, at, V, drive, sample, p, guards, out);
         out.alpha = alpha;

@@ -170,7 +170,8 @@ class SlicedTarget {
 
     float over_unit_, reference_;
     int at_, together_;
-    float mean_[kMostNumbers];  // means of the log spectrum's derivatives in the previous evaluation
+    // means of the log spectrum's derivatives over the bins, in the previous evaluation
+    float mean_[kMostNumbers];
     PartSums sums_;
 };
 
