@@ -201,9 +201,9 @@ def lines() -> list[list[str]]:
 
 
 def is_live(line: list[str]) -> bool:
-    """Return whether the command line reads lines of text from the pipe as they come.
+    """Return whether the arguments let fltea read lines of text from the pipe as they come.
 
-    It then waits for who writes, and says so after 5 s.
+    Then fltea waits for a program that writes to the pipe, and says so after 5 s.
     """
     return line[0] in ("run", "record") and line[-1] in ("--source=pipe", "source=pipe")
 
@@ -321,9 +321,10 @@ REFUSED = {
     "its lock": ([*FAST, "--pace", "fast", "-s", "synthetic:?n=60", "--state", "state"], ".state.lock"),
     "--history": ([*BASES["fleet"], "--history", "fleet.db"], "fleet.db"),
 }
-"""For each option that names what is written, a command, and the name at which a pipe or a link is put.
+"""Maps each option that names a written file to a command, and to the name at which a test puts a pipe or a
+link.
 
-A link at a name of `REPLACED` is replaced by the file, one at a name of `REFUSED` is refused.
+The command replaces a link at a name in `REPLACED` by the file, and refuses a link at a name in `REFUSED`.
 """
 
 

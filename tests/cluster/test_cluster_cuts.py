@@ -86,7 +86,7 @@ def ours(folder: Path) -> Path:
             if isinstance(event, Hello):
                 sink.write(event)
         if number % 100 == 50:
-            # this ends a chunk, as in use after a second or a megabyte
+            # this ends a chunk; the daemon ends one after a second or a megabyte
             sink._part.flush(sink._part.flushed_ns)
     sink.close()
     (path,) = (folder / "rec").glob("*.mcap")

@@ -109,7 +109,7 @@ def test_what_a_refused_write_leaves_is_sent_first_by_the_next_one(board, reset)
     # Unless the controller was reset, the byte that was left goes into the register, and the new byte into
     # the register after that.
     assert board.chip.read_block(0x1B, 2) == (b"\x10\x00" if reset else b"\x18\x10")
-    # After that, the byte that was left is gone.
+    # This second write has used up the byte that the refused write left, so a third write finds none.
     board.begin_write(0x1B, 0x08)
     board.wait_for(TXCOMP)
     assert board.chip.read_block(0x1B, 1) == b"\x08"

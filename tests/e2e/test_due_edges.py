@@ -97,9 +97,9 @@ class Stretch(NamedTuple):
     """How a test lets interrupts come at every instruction of one function of the program.
 
     `takes_ps`: returns for how long the test stops the processor before an instruction; 0 means that no
-    interrupt comes now. The time is that of the interrupt handlers, or the time until an interrupt comes that
-    uses the same data as the function. `times`: number of interrupts at each instruction. `for_s`: time to
-    wait for the instruction to run [s].
+    interrupt comes now. Some tests stop it for as long as interrupt handlers would run. Others stop it until
+    the interrupt comes whose handler uses the same data as the function. `times`: number of interrupts at
+    each instruction. `for_s`: time to wait for the instruction to run [s].
     """
 
     takes_ps: Callable[[DueRun], int]

@@ -41,7 +41,9 @@ USUAL = {
     "fleet": "broker killed (`kill -9`) and started again",
     "ingest": "MQTT broker killed (`kill -9`), started again at once",
 }
-"""The fault of each part that the second tier of tests plays; `make faults` and the third tier play all."""
+"""Maps each part of the fault tests to the one fault that the second tier of tests plays. `make faults` and
+the third tier play all faults.
+"""
 
 
 Playing = Callable[[str], dict[str, "Future[Outcome]"]]

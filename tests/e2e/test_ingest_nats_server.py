@@ -177,8 +177,8 @@ def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
 def test_a_server_killed_before_it_read_all_is_a_lost_connection_and_no_traceback(
     serving: tuple[Server, Worker], caplog: pytest.LogCaptureFixture
 ) -> None:
-    """When the connection is lost, sending the library's remaining data may fail in a task that no code
-    awaits. Only the loss is reported.
+    """When the connection is lost, the NATS library still sends the data that it holds. This may fail in a
+    task that no code awaits. fltea reports only the loss.
     """
 
     async def fail() -> None:

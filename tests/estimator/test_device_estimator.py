@@ -243,10 +243,11 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
 def test_real_sensors(recordings: Path, name: str, variant: str, rescaled: bool) -> None:
     """Noise of real sensors at the device's sensitivity.
 
-    The rates are those of the recording or, if the recording's counts are taken for the device's counts,
-    eight times as large. With the rates of the recording, the largest error of alpha is 8.3e-6 for one filter
-    of α and f ("joint"), and 3.6e-6 for the paper's three filters ("triple"). With eight times the rates it
-    is 1.9e-5 and 6.0e-5, and the guard limits up to 2,562 samples of an axis.
+    An error is the difference between the device's α and the host's. With the rates of the recording, the
+    largest error is 8.3e-6 for one filter of α and f ("joint"), and 3.6e-6 for the paper's three filters
+    ("triple"). If `rescaled` is false, the recording's counts are used as the device's, so the rates are
+    eight times as large. The largest errors are then 1.9e-5 and 6.0e-5, and the guard limits up to 2,562
+    samples of an axis.
     """
     recording = open_npz(recordings / f"{name}.npz").whole()
     scale = LSB_PER_DPS / recording.lsb_per_dps if rescaled else 1.0

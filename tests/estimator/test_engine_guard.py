@@ -207,9 +207,9 @@ def unscented(walk: Walk, y: float, output: Callable[[float], float]) -> Walk:
 
 def test_consistent_equals_a_straight_loop() -> None:
     # The expected filters are those of the paper, but with a larger variance in place of the measurement's
-    # variance R. The filter of the order (KFo) adds the predicted variance of the state, in which the
-    # variance of the weighted past is that of the last sample. The filter of the parameter f (KFw) adds the
-    # predicted variance with the present one.
+    # variance R. The filters of the order (KFo) and of the parameter f (KFw) add the predicted variance of
+    # the state, which includes V, the variance of the weighted past states. KFo uses V of the last sample.
+    # KFw runs later and uses V of this sample.
     n, h, Q, R = 60, 0.01, 0.15, 0.0235
     y = white(n, 1, 12)[:, 0]
     order, parameter = Walk(1.0, 0.01, 0.1, R, 0.5), Walk(0.0, 0.01, 0.1, R, 0.5)

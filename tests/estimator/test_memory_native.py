@@ -100,7 +100,7 @@ def test_functions_are_finite_for_every_finite_number(x: float) -> None:
     assert abs(sine[0]) <= 1
 
 
-# --- the direct memory
+# --- the direct memory, which keeps all past states
 
 
 @given(
@@ -145,17 +145,17 @@ def test_integer_orders_are_ordinary_differences(digits: int, instruction_set: s
         np.testing.assert_allclose(memory.evaluate([a, a, a])[0], S, rtol=0, atol=tolerance)
 
 
-# --- the compressed memory: weights one by one
+# --- the compressed memory: the weight of one past state
 
 
 def weight_errors(
     memory: Memory, ages: dict[float, list[int]]
 ) -> dict[float, tuple[list[float], list[float]]]:
-    """Return the relative errors of the memory's weights c_j of past states, and of c_j² of their variances,
-    for each order at the ages j of that order.
+    """Return, for each order, the relative errors of the memory's weights: c_j of the state that is j samples
+    old, and c_j² of its variance. `ages`: the ages j that are tested, for each order.
 
-    The weights come from the memory's response to an impulse. One memory serves all orders, since only its
-    sums depend on the order, not its content.
+    The memory gets one state of 1 and then zeros, so that its sum after j samples is c_j. One memory serves
+    all orders, since its sums depend on the order, but what it keeps does not.
     """
     memory.reset()
     memory.push([1.0], [1.0])
@@ -183,7 +183,9 @@ def bounds(order: float, digits: int) -> tuple[float, float]:
 
 @pytest.mark.parametrize(("digits", "farthest"), [(6, 1e5), slow(3, 1e6), slow(6, 1e6), slow(9, 1e7)])
 def test_weights_over_millions_of_samples(digits: int, farthest: float) -> None:
-    """The memory with the most digits, whose error bounds are the closest, is tested at the greatest ages."""
+    """The memory of past states with the most accurate digits, which has the closest error bounds, is tested
+    with the oldest states.
+    """
     random = np.random.default_rng(3)
     ages: dict[float, list[int]] = {}
     for order in [-0.9, *random.uniform(-0.9, 3, 6), 0.999999, 1 + 1e-9, 2.9999]:
@@ -225,7 +227,7 @@ def test_orders_below_minus_one_are_the_continuation(order: float) -> None:
     assert abs(memory.evaluate([order] * 3)[0][0, 0]) < 1e-9 * c[window]
 
 
-# --- the compressed memory: whole sums
+# --- the compressed memory: weighted sums of many past states
 
 
 @pytest.mark.parametrize("window", [1, 2, 10, 15, 16, 100, 3000])

@@ -56,9 +56,11 @@ def test_all_three_filters_for_two_steps() -> None:
 
 
 def check_first_step(fltea: Fltea) -> None:
-    # By hand, step k = 1 with the input u_0 = 6 and the measurement y_1 = 19/4: r = -8 + 4 + 6 = 2.
+    # By hand, step k = 1 with the input u_0 = 6 and the measurement y_1 = 19/4. `two_step_filters` has the
+    # system and the meaning of the symbols. With x = (2, 1) and w = -4, the first row of A x + B u is r = -8
+    # + 4 + 6 = 2.
     step = fltea.step(19 / 4, 6)
-    # KFo (filter of the order), with x1_0 = 2:
+    # KFo (filter of the order), with x1_0 = 2, the first element of the first state:
     #   Predicted variance P̃ = old P + old Q = 1/16 + 1/48 = 1/12.
     #   Sigma points a = 1/2 and 1/2 ± sqrt(3 P̃): 1/2, 1, 0, with the weights 2/3, 1/6, 1/6.
     #   Predicted output Y = 2 h^a + 2a: 2 at a = 1/2, 5/2 at a = 1, 2 at a = 0.
@@ -83,7 +85,8 @@ def check_first_step(fltea: Fltea) -> None:
     #   New Q = 4/5 * 1/16 + 1/5 * 9/4 = 1/2.
     assert (step.w[0], step.Pw[0, 0]) == near(F(-5, 2), F(1, 4))
     assert fltea.parameter.Q[0, 0] == pytest.approx(1 / 2, rel=1e-13)
-    # KFx (filter of the state) at order 3/2 and the old w = -4, with R = 2:
+    # KFx (filter of the state) at the new order 3/2, with R = 2 and the old parameter w = -4:
+    #   A = [w 4; 0 -4] = [-4 4; 0 -4], h^α = 1/8 and c_1 = -3/2.
     #   Transition F = h^α A - c_1 = A/8 + 3/2 = [1 1/2; 0 1].
     #   Predicted state x̃ = (2, -4)/8 + 3/2 (2, 1) = (13/4, 1).
     #   Its covariance P̃ = F diag(1, 2) F' + Q = [3/2+1/2 1; 1 2+1] = [2 1; 1 3].
@@ -96,13 +99,13 @@ def check_first_step(fltea: Fltea) -> None:
 
 def check_second_step(fltea: Fltea) -> None:
     # By hand, step k = 2 with the input u_1 = 209/18 and the measurement y_2 = 755/144. The old values are
-    # the results of step 1. The rows of A x̂ + B u with w = -5/2 are r = -10 + 11/2 + 209/18 = 64/9, and
-    # -11/2.
+    # the results of step 1: the state x̂ = (4, 11/8) and the parameter w = -5/2. So the rows of A x̂ + B u
+    # are r = 4w + 4 * 11/8 + u_1 = -10 + 11/2 + 209/18 = 64/9, and -4 * 11/8 = -11/2.
     step = fltea.step(755 / 144, 209 / 18)
-    # KFo (filter of the order), with h = 1/4, x1_1 = 4 and x1_0 = 2:
+    # KFo (filter of the order), with h = 1/4 and the first elements of the states, x1_1 = 4 and x1_0 = 2:
     #   Predicted variance P̃ = old P + old Q = 13/192 + 17/64 = 1/3.
     #   Sigma points a = 3/2, 5/2, 1/2 (sqrt(3 P̃) = 1), with the weights 2/3, 1/6, 1/6.
-    #   Predicted output Y = r h^a + 4a - a(a-1) with r = 64/9 at the sigma points:
+    #   Predicted output Y = r h^a + 4a - a(a-1), where r = 64/9, at the sigma points a:
     #     at a = 3/2: 8/9 + 21/4 = 221/36; at a = 5/2: 2/9 + 25/4 = 233/36; at a = 1/2: 32/9 + 9/4 = 209/36.
     #   Mean of Y: ỹ = 2/3 * 221/36 + (233 + 209)/(6 * 36) = 221/36. Deviations Y - ỹ: 0, 1/3, -1/3.
     #   Variance of the output Pyy = 2/(6 * 9) + R = 1/27 + 1/16 = 43/432.
@@ -125,8 +128,9 @@ def check_second_step(fltea: Fltea) -> None:
     #   New Q = 4/5 * 1/2 + 1/5 * 729/9604 = 19937/48020.
     assert (step.w[0], step.Pw[0, 0]) == near(F(-136, 49), F(3, 196))
     assert fltea.parameter.Q[0, 0] == pytest.approx(19937 / 48020, rel=1e-13)
-    # KFx (filter of the state) at order 1/2 and the old w = -5/2, with R = 2:
-    #   Transition F = A/2 + 1/2 = [-3/4 2; 0 -3/2].
+    # KFx (filter of the state) at the new order 1/2, with R = 2 and the old parameter w = -5/2:
+    #   A = [w 4; 0 -4] = [-5/2 4; 0 -4], h^α = 1/2, c_1 = -1/2 and c_2 = -1/8.
+    #   Transition F = h^α A - c_1 = A/2 + 1/2 = [-3/4 2; 0 -3/2].
     #   Predicted state x̃ = (64/9, -11/2)/2 + (4, 11/8)/2 + (2, 1)/8 = (209/36, -31/16).
     #   Its covariance P̃ = F P_1 F' + c_2² P_0 + Q = [677/64 -123/16; -123/16 231/32],
     #     with F P_1 F' = [161 -123; -123 99]/16 and c_2² P_0 = diag(1, 2)/64.

@@ -41,4 +41,4 @@ def test_few_innovations_the_past_and_neighbours_of_a_gap_do_not_count() -> None
     apart = [row for k, one in enumerate(pairs) for row in ([one, None] if k % 2 else [one])]
     assert whiteness(apart).lag1 == pytest.approx(
         0.5
-    )  # each remaining pair has equal innovations, and there are half as many pairs as innovations
+    )  # no gap (None) is between two equal innovations; there are half as many such pairs as innovations

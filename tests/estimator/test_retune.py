@@ -80,7 +80,7 @@ def test_what_no_filter_can_work_with_changes_nothing(changes: dict[str, object]
     assert same(a.run(y), b.run(y))
 
 
-# --- the bank ---
+# --- the filters of all axes (`Bank`) ---
 
 
 def begun(samples: int = 400, variant: Literal["joint", "triple"] = "joint") -> tuple[Bank, Array]:
@@ -170,7 +170,8 @@ def test_deviations_count_what_the_fit_leaves_open_and_how_far_the_filter_has_go
     bank.retune({"gyro_y": Variances(0.003, 0.011)}, {"gyro_y": BELIEF})
     other, _ = begun()
     other.retune({"gyro_y": Variances(0.003, 0.011)}, {"gyro_y": BELIEF})
-    # `other` then forgets what the fit knows of α and f, and gives the results of its filters themselves
+    # `other` then drops the figures of the model fit for α and f, so its deviations are those of its filters
+    # alone
     other.native.know([None] * 3)
     found, own = bank.run(y), other.run(y)
     for std, own_std, value, believed, open_ in (

@@ -342,8 +342,9 @@ def test_systems_of_which_no_filter_can_be_made_change_nothing() -> None:
 
 
 def test_an_order_with_a_slow_pole_pair_behind_a_sharpening_is_filtered_or_refused() -> None:
-    """For this noise, the filter for means of samples has no valid covariance. The tracker then filters the
-    noise in another way, or refuses it.
+    """The noise is one of fractional order after a filter that changes high frequencies (`Sharpening`). For
+    this noise, the filter that takes means of several samples has no valid covariance. The tracker then
+    filters the noise in another way, or refuses it.
 
     In an earlier version, every bias was NaN because of this.
     """

@@ -43,7 +43,8 @@ class FakeChip {
     uint8_t who_am_i = 0x71;
     uint8_t wanted[5] = {0x00, 0x01, 0x18, 0x00, 0x01};  // required values of the registers 0x19 to 0x1D
     bool frozen = false;
-    bool stopped = false;        // the values stay the same until the next reset
+    // the sensor has stopped: a burst repeats the last values until the next reset
+    bool stopped = false;
     bool reserved_ones = false;  // bits without a meaning read as 1
     int16_t gyro_y = 7;
     std::vector<uint8_t> stuck;  // numbers of registers that ignore writes
@@ -242,7 +243,7 @@ class FakeBus final : public fltea::I2cBus {
 // A ring buffer from which the UART sends 25 bytes a millisecond.
 class FakeSink final : public fltea::ByteSink {
   public:
-    size_t size = 127;    // bytes that fit into it, as in the Arduino core's ring buffer
+    size_t size = 127;    // bytes that the ring buffer holds, as many as the Arduino core's
     bool jammed = false;  // the UART sends nothing
     Receiver receiver;
     std::vector<uint8_t> bytes;

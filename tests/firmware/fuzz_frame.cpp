@@ -128,7 +128,8 @@ void write_message(const std::string& folder, int number, size_t type, const Byt
 }
 
 // Writes inputs of three kinds: unchanged streams, messages from good frames without damage, and messages
-// whose payload is a good frame with damage that puts zeros before and after it.
+// whose payload is a good frame. In the third kind, the damage puts a zero, which separates frames, before
+// and after the inner frame.
 void write_seeds(const std::string& folder) {
     int number = 0;
     for (const char* name : {"good.txt", "bad.txt", "streams.txt"}) {

@@ -58,7 +58,7 @@ TEST_CASE(
         }
         REQUIRE(seen.last_us == seen.count * 10000);
         ++(seen.count == 5 ? before : after);
-        if (before > 50) break;  // the trap now comes long after the edges were read
+        if (before > 50) break;  // the simulated interrupt now comes after the read
     }
     CHECK(after > 10);
     CHECK(before > 50);

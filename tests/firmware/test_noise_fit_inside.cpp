@@ -45,13 +45,14 @@ TEST_CASE("noise fit: a board that was moved in its start-up window fits as one 
 
 namespace {
 
-// An estimation after its start-up window, and beside it the spectrum of the samples that it has to use.
+// An estimation after its start-up window, and `expected`: a spectrum that the test computes from the samples
+// that the estimation has to use.
 struct Followed {
     std::unique_ptr<fltea::Estimation> estimation{new fltea::Estimation};
     std::vector<Octaves> expected{1};
     Counts noise{9};
     uint32_t instant = 0;
-    uint32_t taken = 0;  // number of samples that were taken since the window
+    uint32_t taken = 0;  // number of samples since the start-up window
 
     Followed() {
         estimation->begin();

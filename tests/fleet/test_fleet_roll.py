@@ -284,7 +284,7 @@ def test_alerts_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("words", "count"),
     [
-        ("line", 4),  # finds four: "line" is a part of the word "online" and of a verdict
+        ("line", 4),  # all four devices, since the words "online" and "offline" contain "line"
         ("state:online", 3),
         ("state:line", 0),
         ('verdict:"line or resonance"', 1),

@@ -61,9 +61,10 @@ def test_what_a_low_pass_lets_through_is_counted(
 
 
 def test_what_a_fast_relaxation_may_be_of_it_makes_no_sensor_better() -> None:
-    """Behind a filter of one pole, a fast relaxation takes up most of the noise in the fit, and N may be
-    close to zero. The density of a data sheet includes that relaxation. So even if the interval of N reaches
-    down to zero, the sensor does not count as better than its data sheet.
+    """If the sensor has a filter of one pole, the fit may describe most of the white noise as a fast
+    relaxation, so that N may be close to zero. The noise density in a data sheet includes that of the
+    relaxation. So even if the interval of N reaches down to zero, the sensor does not count as better than
+    its data sheet.
     """
     N = 0.02 / math.sqrt(2)
     found = compare("MPU-9250", Level(Interval(N, 0.0, 1.01 * N)), RATE_HZ)

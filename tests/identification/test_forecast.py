@@ -82,8 +82,9 @@ def test_what_is_no_goal_is_said_with_one_that_is(text: str) -> None:
 
 
 def test_how_long_to_rest_is_as_long_as_white_noise_takes() -> None:
-    """For white noise, the bias is the mean of the samples of the rest, so the variance of the heading after
-    a time t is σ² h t (1 + t / rest).
+    """For white noise, the bias is the mean of all samples of the `rest` seconds for which the sensor was at
+    rest. So the variance of the heading after a time t is σ² h t (1 + t / rest), where h is the sampling
+    period.
     """
     R, h, t_s = 0.02, 0.01, 60.0
     y = np.random.default_rng(3).normal(0, math.sqrt(R), 60_000)

@@ -125,7 +125,8 @@ def test_a_session_of_a_device_that_contradicted_itself_for_a_while_has_a_warnin
     assert found.hello.rate_hz == 100
     assert found.counts.used >= 800
     assert found.counts.rate_differs >= 150
-    # frames 60, 61 and 150 are lost, while the device's numbers are not believed
+    # Frames 60, 61 and 150 were lost while the rates contradicted each other. Sequence numbers are not used
+    # then, so these frames are not counted.
     assert found.counts.samples + found.counts.rate_differs == 1200 - 3
 
 

@@ -120,8 +120,8 @@ def test_the_band_is_as_wide_as_95_percent_need(errors: list[float]) -> None:
 
 
 def test_each_axis_has_its_own_factor_and_the_worst_counts() -> None:
-    """Each axis is enlarged by its own factor, and then the worst axis counts. The axis with more noise may
-    then have the smaller figure.
+    """The figures of each axis are multiplied by the axis's own factor, and then the largest figure counts.
+    It may come from an axis with less noise.
     """
     gyro = {"gyro_x": AxisNoise(Shown(0.02), Shown(0.5)), "gyro_y": AxisNoise(Shown(0.03), Shown(0.4))}
     own = Inflation(1.0, 1.0, {"gyro_x": 2.0, "gyro_y": 1.0}, ("gyro_x: times 2: for this.",))

@@ -131,7 +131,7 @@ def test_percentiles_are_those_of_an_independent_implementation(
     row: Row
     for row, expected in ((first, levels), (last["change"], changes)):
         for name, share in zip(("state", "parameter"), expected, strict=True):
-            # the fractions are limited, because even a fraction of 0 or 1 has a sampling error
+            # the fractions are kept away from 0 and 1, where the formula for the sampling error would give 0
             likely = np.clip(share, 0.01, 0.99)
             error = np.sqrt(likely * (1 - likely) * (1 / SEEDS + 1 / OTHERS_SEEDS))
             assert row[name]["percentile"] / 100 == pytest.approx(share, abs=4 * error), name
@@ -144,7 +144,8 @@ def test_the_printed_orders_of_tables_3_and_4_are_beyond_every_seed(
 ) -> None:
     for number in (2, 3):
         outcome = found[number, 1.0][4000]
-        # The largest errors of 1,599 and of 1,588 seeds were 1,097 and 29.5 (../shared/paper/tables.md).
+        # In longer runs (../shared/paper/tables.md), the largest error of the order was 1,097 among 1,599
+        # seeds of example 2, and 29.5 among 1,588 seeds of example 3.
         assert outcome.order[~outcome.not_finite].max() < paper.TABLE_3[4000].order
     verdict = exchange.evidence({number: found[number, 1.0] for number in (2, 3)})
     assert verdict["inference"] == "too few seeds"

@@ -286,7 +286,9 @@ def test_the_flag_does_not_open_a_native_port(board: SpeakingPort, monkeypatch: 
 
 
 def test_a_due_needs_no_flag(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A Due needs no further option. `make flash PORT=PORT` calls `fltea flash` without it."""
+    """A Due is flashed without the option `--erase-unknown-board`, which `make flash PORT=PORT` does not
+    give.
+    """
     ports(monkeypatch, (desk.board.port, *DUE))
     desk.add("bossac")
     done = fltea_here("flash", "--port", desk.board.port, "--image", desk.image, "--yes")

@@ -52,7 +52,8 @@ class Holder : public Probe {
     static constexpr int kLanes = Lanes<T>::count;
 
   public:
-    // Allocates exactly the size that the memory requests, so that a sanitizer detects an access beyond it.
+    // Allocates exactly as many bytes as the memory of past states needs, so that a sanitizer detects an
+    // access beyond these bytes.
     template <class... Setup>
     explicit Holder(std::size_t n, Setup... setup)
         : bytes_(n * sizeof(T)), storage_(allocate(bytes_)), memory_(storage_, setup...) {}
@@ -95,8 +96,8 @@ class Holder : public Probe {
         }
     }
     std::size_t bytes() const override { return bytes_ + sizeof(typename Memory::Position); }
-    // Measures the time that the memory takes in n steps of the estimator, for tools/bench. As in the
-    // estimator, each step depends on the result of the step before.
+    // Measures the time that the memory of past states takes in n steps of the estimator, for tools/bench. As
+    // in the estimator, each step depends on the result of the step before.
     double seconds(std::size_t n) override {
         T order[3] = {T(Real<T>(0.3)), T(Real<T>(0.5)), T(Real<T>(0.1))}, S[3], past, V;
         const T small = T(Real<T>(1e-9));
@@ -145,8 +146,9 @@ void tabulate(std::size_t n, const double* x, double* up, double* down, double* 
 }  // namespace
 
 extern "C" {
-// `type`: 'f' is float, 'd' is double, and 'w' is a pack as wide as the registers. `digits` < 0 selects the
-// direct memory.
+// `type`: 'f' is float, 'd' is double, and 'w' is a pack as wide as the registers. `digits`: number of
+// accurate digits of a compressed memory; a negative number selects the direct memory, which keeps all past
+// states.
 Probe* probe_make(char type, int digits, std::size_t window) {
     return type == 'f'   ? make<float>(digits, window)
            : type == 'd' ? make<double>(digits, window)

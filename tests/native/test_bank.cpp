@@ -80,8 +80,8 @@ TEST_CASE("baseline in double: mean and variance of a window far from zero, or b
             for (double one : y) squares += (one - mean) * (one - mean);
             CHECK(window.samples() == 500);
             CHECK(!window.constant());
-            // If the first sample is far from all others, the relative error grows by a factor that is at
-            // most the number of samples.
+            // If the first sample is far from all others, the relative errors of mean and variance grow by a
+            // factor that is at most the number of samples.
             const double digits = first == 0 ? 1e-14 : 1e-12;
             CHECK(window.bias() == doctest::Approx(static_cast<double>(mean)).epsilon(digits));
             CHECK(window.variance(0) ==

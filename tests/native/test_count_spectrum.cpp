@@ -47,12 +47,13 @@ double mean_of(const double* x, int n) {
     return sum / n;
 }
 
-// The largest differences between the two spectra. `bins`: relative difference of bins of three spectral
-// lines, in levels with eight blocks or more. `lines`: difference of single lines, relative to the line or to
-// a tenth of its level's mean.
-// `whole`: difference between the samples of the level that keeps its samples. Its unit is the standard
-// deviation that noise of the given variance has at that level. Apart from these differences, the numbers of
-// blocks and the stretches of both spectra have to be equal.
+// The largest differences between the two running spectra. A spectrum consists of levels: each has sums over
+// blocks of samples at half the rate of the level before. `bins`: relative difference of bins of three
+// spectral lines, in levels with eight blocks or more. `lines`: difference of single lines, relative to the
+// line or to a tenth of its level's mean. `whole`: difference between the samples of the slowest level, which
+// keeps its samples instead of sums. Its unit is the standard deviation that noise of the given variance has
+// at that level. Apart from these differences, the numbers of blocks and the stretches of both spectra have
+// to be equal.
 struct Difference {
     double bins, lines, whole;
 };
@@ -276,8 +277,8 @@ TEST_CASE("count spectrum: values are the counts, to the ends of what a sensor s
 }
 
 TEST_CASE("count spectrum: a board that was turned far leaves no coarse unit behind") {
-    // The sensor turns, but its rate changes so slowly that the gate detects neither a knock nor a step.
-    // After that, the sensor rests.
+    // The sensor turns, but its rate changes so slowly that the detector of motion (`Gate`) finds neither a
+    // knock nor a step. After that, the sensor rests.
     Noise random(11);
     std::unique_ptr<Pair> pair(new Pair);
     const int turned = 40000;

@@ -123,7 +123,7 @@ TEST_CASE("device: what does not follow is not believed") {
         {0, 655'350'000 + 20'201, 655'360 * kMs, false},  // 1 us later, it does not follow directly
         // this sample follows directly: its delay by the host's clock is the largest allowed
         {0, 655'360'000, 655'360 * kMs + 300'000 * kMs, true},
-        // 1 ns later, it does not follow directly
+        // with one more ns of delay by the host's clock, this sample does not follow directly
         {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},
     };
     for (const auto& other : others)

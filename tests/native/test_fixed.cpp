@@ -181,10 +181,10 @@ TEST_CASE("soft square root: that of IEEE 754, to the bit") {
         CHECK(bits_of(soft_sqrt(none)) == 0);
 }
 
-// The memory's weights of past states have to be right to three digits for orders up to 2
-// (tools/gen_fixed_nodes.py), or their error has to be below the last digit of the counts. The largest
-// relative errors are 6e-4 for orders from -0.1 to 1.5, 8e-4 for orders up to 1.9, 1.8e-3 at the order -0.5
-// and 4.5e-3 at 2.5.
+// The fixed-point memory multiplies each past state by a weight. tools/gen_fixed_nodes.py chooses the
+// memory's constants so that the weights have relative errors below 1e-3 for orders from about 0 to 2. Other
+// orders are less exact. The largest relative errors are 6e-4 for orders from -0.1 to 1.5, 8e-4 for orders up
+// to 1.9, 1.8e-3 at the order -0.5 and 4.5e-3 at 2.5. An error of less than 1e-8 is always allowed.
 TEST_CASE("fixed memory: the weights to a thousandth, at ages up to 100,000") {
     const std::size_t ages[] = {1,  2,  3,   4,   5,    6,    7,     8,     10,    14,
                                 20, 50, 100, 300, 1000, 3000, 10000, 30000, 100000};
@@ -235,9 +235,10 @@ TEST_CASE("fixed memory: sums of noise as those of the exact memory, for x, and 
                 direct.sums(static_cast<double>(order), exact_S, exact_V);
                 CHECK(static_cast<double>(S) == sum_of(memory, order));
                 worst = std::max(worst, std::fabs(static_cast<double>(S) - exact_S) / sigma);
-                // V, the sum over past variances, is computed as if the past had no beginning, so it can only
-                // be compared after many samples. For orders below -1/4, V is computed for the order -1/4, so
-                // it is not compared.
+                // V is the sum of the variances of all past states, multiplied by the squares of their
+                // weights. The memory computes V as if infinitely many states had come before, so V can only
+                // be compared after many samples. For orders below -1/4, the memory uses V of the order -1/4,
+                // so V is not compared.
                 if (k != n - 1 || order < -0.25f) continue;
                 CHECK(std::fabs(static_cast<double>(V) - exact_V) <=
                       5e-3 * exact_V + 2e-6 * static_cast<double>(R));

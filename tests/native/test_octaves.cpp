@@ -203,8 +203,9 @@ TEST_CASE("octaves: snapshots of strangers are refused or harmless") {
             for (int k = 0; k < 150; ++k) {
                 std::vector<double> bad = good;
                 for (std::size_t i = 0; i <= random.below(3); ++i) {
-                    // Most numbers of a snapshot that are not samples are at its beginning and at its end, so
-                    // the numbers there are changed more often.
+                    // Wrong numbers are put at random places of a snapshot. Most of its numbers are samples;
+                    // the others are mostly at its beginning and its end, so those places are chosen more
+                    // often.
                     const std::size_t at =
                         k % 3 == 0   ? random.below(bad.size())
                         : k % 3 == 1 ? random.below(std::min<std::size_t>(60, bad.size()))

@@ -140,7 +140,7 @@ TEST_CASE("wire line: columns of a later second, and of later samples of a run")
     CHECK(item.samples.host_ns[1] == kSecondNs + 1);
     CHECK(line.line.counts().frames == 3);
     item = line.line.next();
-    // samples 3, 4, 7 and 8 come in two items, and are counted together when both items are taken
+    // next() returns samples 3, 4, 7 and 8 as two items, and counts() has all four once both items are taken
     CHECK(line.line.counts().frames == 3);
     REQUIRE(item.samples.n == 2);
     CHECK(item.samples.host_ns[1] == kSecondNs + 2);
@@ -171,8 +171,8 @@ TEST_CASE("wire line: what was not taken is left out") {
     line.line.silent(5 * kSecondNs + 3);
     CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    // next() has returned the tick. pass_time() has discarded the check for a trouble that was due after the
-    // tick.
+    // next() has returned the tick, an item that only says that time has passed. After a tick, next() would
+    // have checked whether it must report a silent port. pass_time() has discarded this check.
     CHECK(line.line.next().kind == PortItem::kDone);
 }
 

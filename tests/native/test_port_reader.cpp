@@ -103,8 +103,8 @@ struct Heard {
             for (const fltea::PortRead& read : one.reads) {
                 CHECK(read.end > end);
                 CHECK(read.stamp.host_ns >= before_ns);
-                // no read is older than the time that the last call of take() returned, because the ticks
-                // until that time were given already
+                // Every read is later than the time that the last call of take() returned. The program has
+                // counted all time up to that moment as silent, so an earlier read would come too late.
                 CHECK(read.stamp.host_ns > last_ns);
                 CHECK(read.stamp.host_ns <= now_ns);
                 end = read.end;

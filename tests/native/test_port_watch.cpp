@@ -76,8 +76,9 @@ TEST_CASE("wire line: a stall of the program proves nothing") {
     for (const std::int64_t stall : {2 * kSecondNs, 2 * kSecondNs + 1}) {
         Line line;
         line.line.resume(4 * kSecondNs);
-        // There are 13 items: twelve ticks during the silence, and the trouble. If the program was stalled,
-        // there is only one tick, for the moment at which the program continues.
+        // After a silence of the port there are 13 items: twelve ticks, which say that time has passed, and
+        // the report of the silence. If the program itself stood still (for more than 2 s), there is only one
+        // tick, at the time at which the program continues.
         CHECK(line.silent(4 * kSecondNs + stall).size() == (stall > 2 * kSecondNs ? 1 : 13));
         line.line.resume(7 * kSecondNs);
         Reads reads;
@@ -139,7 +140,8 @@ TEST_CASE("wire line: reads between which a trouble may be due are taken one by 
     Reads healed;
     CHECK(refused.feed(healed.add(hello() + sample(1), 3).add(sample(2), 4)) ==
           Words{"same hello", "1 samples", "1 samples"});
-    // The frames come four seconds after the first byte that belongs to no frame (0), or one ns earlier (1).
+    // The frames come exactly four seconds after the first byte that belongs to no frame, or `left` = 1 ns
+    // earlier.
     for (const std::int64_t left : {0, 1}) {
         Line unread;
         unread.one(hello(), 1);

@@ -80,7 +80,8 @@ TEST_CASE("noise models: a part that is searched apart is found, and is not adde
     const Terms both = {{kWhite, 0}, {kRelaxation, 0}, {kWalk, 0}};
     Bins bins = with_power(plain, spectrum(plain, both, {0, 0, -3, -9}));
     CHECK(Search(bins, {kWalk}).whole().plain.same_terms(FittedModel{both, {}, 0}));
-    // The gain of this walk is less than its price in `plain`, and more than its price in `rich`.
+    // A part is added to a model if it raises 2 log L by more than the price of its parameters. This random
+    // walk raises 2 log L by less than the price in `plain`, and by more than the price in `rich`.
     Bins faint = with_power(plain, spectrum(plain, {{kWhite, 0}, {kWalk, 0}}, {0, -15}));
     const Frontier with = Search(faint).whole(), without = Search(faint, {kWalk}).whole();
     CHECK_FALSE(with.plain.has(kWalk));

@@ -65,7 +65,9 @@ def test_the_traits_of_a_row_are_those_of_the_spectrum(kind: type[Part]) -> None
     some: list[Part] = [p.White(1.0), example] if is_filter else [example]
     low, lower, quarter, half = np.searchsorted(LAM, [1e-3, 1e-2, np.pi / 4, np.pi])
     S = p.spectrum(some, LAM, H)
-    behind = S * np.abs(1 - np.exp(-1j * LAM)) ** 2  # behind a high-pass of one pole, below its corner
+    # The shape of the spectrum after a high-pass of one pole, at frequencies below the corner of the
+    # high-pass.
+    behind = S * np.abs(1 - np.exp(-1j * LAM)) ** 2
     doubled = [p.spectrum([p.White(R), example], LAM, H) for R in (2.0, 1.0)]
     wanted = {
         "slow": not is_filter and S[low] > 2 * S[half] and S.argmax() < lower,

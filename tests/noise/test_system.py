@@ -235,7 +235,7 @@ def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
         # the white noise makes a floor of the spectrum, so the relaxation is not due to a filter in the
         # sensor
         ([p.White(0.01), p.Relaxation(0.05, 0.2)], [1.0]),
-        # this relaxation is slower than any sensor's filter, so it is the signal
+        # this relaxation is slower than any sensor's filter, so it is a part of the noise and not a filter
         ([p.White(1e-10), p.Relaxation(0.05, 2.0)], [1.0]),
     ],
 )

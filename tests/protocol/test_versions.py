@@ -30,7 +30,8 @@ doc = "what boards of before do not know"
 NEXT = protocol_definition.load(
     DEFINITION.replace(f"minor = {PROTOCOL.minor}", f"minor = {MINOR}")
     .replace("# ----", ADDED_FIELD + "# ----", 3)
-    # the first `# ----` precedes HELLO, so no message ends before it, and it gets no field
+    # A line `# ----` stands before each of the first messages, so a field put before the line belongs to the
+    # message above. Above the first line there is no message, so the field is removed there.
     .replace(ADDED_FIELD, "", 1)
     .replace(
         "data_ready = { value = 1",

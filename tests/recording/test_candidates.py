@@ -136,8 +136,9 @@ def test_gravity_tells_the_unit_whatever_the_orientation(
 def test_whole_numbers_may_be_counts_and_are_never_taken_for_others(
     direction: tuple[float, ...], offset: tuple[float, ...], unit: str
 ) -> None:
-    """If a value at rest is slightly more than 8192 in whole numbers, the unit could be a count, or mm/s², in
-    which gravity is 9,807. In this case, no unit is shown.
+    """Gravity is 9,807 in mm/s², and 8,192 in counts of a sensor with 8,192 counts per g. A sensor at rest
+    with an offset may show a whole number between these, which could be in either unit. In this case, no unit
+    is shown.
     """
     g = OF_COUNTS.get(unit) or GRAVITY[unit]
     found = gravity_units(np.rint(at_rest(direction, offset, g)))

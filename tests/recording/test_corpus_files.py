@@ -30,7 +30,9 @@ WRITTEN_ONCE = {
     "ardupilot.mat": "mavlogdump.py of pymavlink",
     "excel_unicode.txt": "text in UTF-16",
 }
-"""Binary example files that the generator does not write, and what does, or why not."""
+"""Binary example files that the generator does not write. For each file: the program that writes it, or why
+the generator does not.
+"""
 
 
 UNPACKED: dict[str, Callable[[bytes], Any]] = {
@@ -41,8 +43,9 @@ UNPACKED: dict[str, Callable[[bytes], Any]] = {
     ".parquet": lambda data: parquet.read_table(io.BytesIO(data)),
     ".feather": lambda data: feather.read_table(io.BytesIO(data)),
 }
-"""Files that are compared by their content, and how it is found: the compressors come with the system, and
-other versions of them pack the same content in other bytes.
+"""Compressed files are compared by what they contain: maps the end of their names to the function that
+returns it. The compressors come with the system, and other versions of them compress the same content to
+other bytes.
 
 All other files are compared by their bytes: the generator replaces the times that libraries write into them,
 and `constraints.txt` has the libraries' versions.

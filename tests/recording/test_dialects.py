@@ -40,7 +40,7 @@ of_each = pytest.mark.parametrize("one", TABLE, ids=lambda one: one.name)
 
 
 class Seen(NamedTuple):
-    """What was known of a file when its dialect was determined, which is what its logger writes in the
+    """What was known of a file when its dialect was determined. A dialect is how one logger writes a file
     format.
 
     These are the arguments of `dialect_of`.
@@ -201,7 +201,8 @@ def test_without_any_one_fact_it_is_not_recognised_nor_taken_for_another(one: Di
     for what, found in lacking:
         other = found.dialect()
         assert other is not one, what
-        # A more general dialect may still match. It has to give the same columns, or ask the user.
+        # Without the fact, the file may match a more general dialect. That dialect has to give the same unit
+        # or none, and it must name the columns of the gyroscope, unless its files are not read at all.
         if other is not None and not one.unread:
             assert other.gyro_unit in ("", one.gyro_unit), (what, other.name)
             assert bool(other.unread or other.gyro)

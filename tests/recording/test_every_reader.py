@@ -1,7 +1,8 @@
-"""What holds for the reader of every format, tried on its example in `tests/rig/corpus_files.py`: files that
-are cut off or damaged, missing values, and the work for more rows.
+"""Tests the reader of every format on an example of `tests/rig/corpus_files.py`: files that are cut off or
+damaged, missing values, and how the work grows with the number of rows.
 
-The readers run in this process: the reader process turns every exception into an error.
+The readers run in this process, so that the tests see their exceptions. The reader process that the program
+starts would turn every exception into an error.
 """
 
 import gc
@@ -21,8 +22,8 @@ from tests.rig.table_support import stored_here
 from tests.rig.tiers import long, slow
 
 pytestmark = pytest.mark.filterwarnings("ignore")
-"""Ignores what libraries warn about, and files left open: the reader process discards the one and ends with
-the other.
+"""Ignores warnings of libraries, and files left open. In the program, readers run in a process of their own:
+it discards the warnings, and its end closes the files.
 """
 
 READ = [kind for kind, form in FORMATS.items() if form.reader]
@@ -87,8 +88,9 @@ def changed(data: bytes) -> Iterator[tuple[str, bytes]]:
 
 @readers
 def test_a_cut_file_is_refused_or_noted(kind: str, tmp_path: Path) -> None:
-    """A file that consists of messages is whole if it ends between two of them. So it is also cut off a byte
-    before each place, and only what neither of the two tells is silent.
+    """A file that consists of messages is whole if it ends between two of them, so nothing can show such a
+    cut. Therefore each file is cut off at a place, and again one byte earlier. The test fails only if the
+    reader notices neither cut.
     """
     example = EXAMPLES[kind]
     data = (HERE / example.file).read_bytes()

@@ -51,9 +51,10 @@ def head_is_shown(case: Case, found: Figures) -> bool:
 
 
 def given(case: Case, found: Figures) -> bool:
-    """Return whether a note of the result says that the user's option decides about the falsified fact.
+    """Return whether a note of the result says that the user's option gave the falsified fact (unit or rate).
 
-    The option decides if the file states nothing, or if only the logger's dialect contradicts the option.
+    The option decides if the file does not state the fact, or if only the logger's dialect contradicts the
+    option.
     """
     flag = case.kind.removeprefix("claimed ")
     noted = f"as {flag} says" in found.notes or flag in pairs(case.of.options)
@@ -182,8 +183,8 @@ TABLES = {
     "an axis is no number": Table({**WHOLE, "gyro_y_dps": np.full(len(TIMES_S), "on")}),
     "an axis is texts": Table({**WHOLE, "gyro_y_dps": GYRO_DPS[:, 1].astype("U")}, says_as_much=True),
 }
-"""Tables by the fact that is falsified in them. If nothing else in the table contradicts this fact, an answer
-of the reader has to show it.
+"""Maps the fact that is falsified, such as the unit, to a table with this falsification. The reader must
+refuse the table, or one of its answers must show the wrong fact, if nothing else in the table contradicts it.
 """
 
 

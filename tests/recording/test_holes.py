@@ -122,8 +122,8 @@ def test_any_hole_costs_the_chunks_that_it_touches_and_no_other(case: Case, at: 
     begin = first + int(at * (last - first))
     end = min(begin + size, last)
     case.punch(begin, end)
-    # If the hole covers only the length of a chunk, the chunk is still read, since its other fields tell the
-    # length, too.
+    # The hole is a range of bytes that were replaced by zeros. If it covers only the field with the chunk's
+    # length, the chunk is still read, since the length also follows from its other fields.
     kept = [
         messages
         for (b, e), messages in zip(case.chunks, case.messages, strict=True)

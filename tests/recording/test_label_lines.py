@@ -1,4 +1,6 @@
-"""Tests labelled numbers: lines with one label each, units in each row, and labels that give positions."""
+"""Tests labelled numbers, such as `gx: 0.1`: lines with one label each, units in each row, and columns that
+the user names by their positions instead of labels.
+"""
 
 import itertools
 import json

@@ -240,7 +240,7 @@ ECHOED = {
 
 
 def echoed(form: str, count: int = N) -> bytes:
-    """Return messages at 100 Hz in the form in which the tool prints them."""
+    """Return messages at 100 Hz in the form in which a ROS tool such as `ros2 topic echo` prints them."""
     return "".join(
         form.format(
             k=k,

@@ -128,7 +128,8 @@ def test_what_a_reader_takes_too_much_of_ends_it() -> None:
     assert ended_by(ProcessLimits(here, 1, 60, GB), "busy") == -signal.SIGXCPU
     assert ended_by(ProcessLimits(here, 60, 1, GB), "sleep") == -signal.SIGALRM
     assert ended_by(ProcessLimits(here, 60, 1, GB), "wait") == 0
-    # if the limits name a parent other than the present one, the reader concludes that its parent has ended
+    # the parent's process id in the limits is not that of the actual parent, so the reader concludes that its
+    # parent has ended
     assert ended_by(ProcessLimits(here + 1, 60, 60, GB), "sleep") == 1
 
 

@@ -141,7 +141,9 @@ class Wide(NamedTuple):
     is_circle: bool
 
     def parts_of(self, number: int) -> list[tuple[str, int]]:
-        """Return the fields of type `number` that hold another type, and the number of that type."""
+        """Return those fields of the type T`number` whose values are of another type T: for each its name and
+        the number of that other type.
+        """
         following = (number + 1) % self.types if self.is_circle else number + 1
         return [(f"p{k}", following) for k in range(self.parts)] if following < self.types else []
 
@@ -163,7 +165,8 @@ def _protobuf(wide: Wide) -> bytes:
     label = field.LABEL_OPTIONAL if wide.many is None else field.LABEL_REPEATED
     for number in range(wide.types):
         message = file.message_type.add(name=f"T{number}")
-        # the numbers of these fields follow each other, since MESSAGES has bytes of the field 1
+        # Fields that hold messages get the numbers 1, 2, …, since the bytes in MESSAGES have values of the
+        # field 1.
         for place, (name, inner) in enumerate(wide.parts_of(number), 1):
             message.field.add(
                 name=name, number=place, label=label, type=field.TYPE_MESSAGE, type_name=f".robot.T{inner}"
@@ -208,7 +211,8 @@ WIDE = st.builds(
 MESSAGES = (
     st.binary(max_size=200)
     | st.integers(0, 60_000).map(bytes)
-    # empty messages in the first field of protobuf, one beside the other, and each within the one before it
+    # protobuf with messages in the field 1: first, many empty messages in a row; second, messages each of
+    # which contains the next
     | st.integers(0, 30_000).map(lambda n: b"\x0a\x00" * n)
     | st.integers(0, 60).map(lambda n: b"".join(bytes([10, 2 * k]) for k in range(n, -1, -1)))
     | st.integers(0, 5000).map(lambda n: json.dumps(_wide(n, 1, 3, 0.5)).encode())

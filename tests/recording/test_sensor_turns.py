@@ -104,8 +104,8 @@ def test_turns_are_kept_in_whatever_pieces_rows_come(
 ) -> None:
     """Rows of two sensors alternate, and some are missing.
 
-    The rows chosen for one sensor include no row of the other sensor, no row is repeated, and none of the
-    first rounds lacks a row.
+    The rows chosen for one sensor include no row of the other sensor, and no row is repeated. A round is one
+    row of each sensor; the first 20 rounds are complete.
     """
     keep = np.array([row for row in range(2 * N) if row < 40 or row not in gone])
     rows = np.column_stack([keep % 2, keep // 2 + later * (keep % 2)]).astype(float)
