@@ -80,7 +80,9 @@ def test_some_code_gives_each_field_of_a_record_a_value() -> None:
 
 
 def test_a_source_gives_each_count_of_the_connection_a_value() -> None:
-    """A number that is made in the stream of samples would be 0 wherever only the source is asked."""
+    """Every count in `LinkStats` gets its value in the source, not in the code that processes samples. `fltea
+    info` uses only the source, so a count that other code fills would be shown as 0.
+    """
     missing = [one for one in unfilled(given_in(ROOT / "host/fltea/sources")) if one.startswith("LinkStats.")]
     assert not missing, (
         f"no source gives {missing} a value, so `fltea info` would publish its default. A number that is "

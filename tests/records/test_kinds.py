@@ -59,7 +59,7 @@ def name_of(called: ast.expr) -> str:
 
 
 def told(code: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
-    """Yield every kind that the code reports, and where.
+    """Yield every kind of error that the code reports, and the place (file and line).
 
     If the code calls a function that returns kind and text, the kinds that this function returns are
     included.
@@ -90,7 +90,9 @@ def kinds_in(value: ast.expr, defined: dict[str, list[Function]], place: str) ->
             makers = defined.get(name_of(func), [])
             assert makers, f"{place}: nobody defines {name_of(func)}, which gives kind and text"
             return {kind for maker in makers for kind in returned(maker)}
-    return set()  # `value` is a variable or an attribute: the kind is found where the error was made
+    # `value` is a variable or an attribute, so the kind is no literal here; it is found where the error is
+    # made
+    return set()
 
 
 def returned(function: Function) -> set[str]:
@@ -121,7 +123,9 @@ def test_every_listed_kind_is_told() -> None:
 
 
 def test_every_kind_is_named_by_a_test() -> None:
-    """A test that names a kind plays its cause, or at least expects it in a list of records."""
+    """Every kind of error stands in some test. Such a test makes the error happen, or at least expects it
+    among the records.
+    """
     files = [file for file in (ROOT / "tests").rglob("test_*.py") if file != Path(__file__)]
     words = {word for file in files for word in re.findall(r"\w+", file.read_text(encoding="utf-8"))}
     untested = LISTED - words

@@ -50,7 +50,7 @@ SAID = (
     "trouble",
     "no accelerometer",
 )
-"""Incidents of acts that produce an event of their own. This event ends the current block of samples."""
+"""Incidents that produce an event of their own. This event ends the current block of samples."""
 ACTS = (
     *SAID,
     "goes on",
@@ -105,10 +105,10 @@ class Device:
         self._pace = 1.0001 if birth.seed % 2 else 0.9999
 
     def does(self, acts: Iterable[Act]) -> Iterator[Event]:
-        """Yield the events of the acts.
+        """Play the acts (each is an incident and the samples after it), and yield the events.
 
-        The samples between two events of other kinds form one block, unless the `cuts` of an act split this
-        block.
+        All samples between two events that are not samples form one block, unless the `cuts` of an act split
+        it.
         """
         if self._greets:
             yield self._says()
@@ -130,16 +130,17 @@ class Device:
         return self.hello
 
     def _happens(self, act: Act) -> Iterator[Event]:
-        """Carry out an act, and yield the events that the source produces.
+        """Let the incident of an act happen, and yield the events that the source produces.
 
-        Depending on its kind, an act loses samples, changes clocks or motion, or causes an event.
+        Depending on its kind, the incident loses samples, changes a clock or the motion of the sensor, or
+        causes an event.
         """
         self._lose(act)
         self._change(act)
         yield from self._announced(act)
 
     def _lose(self, act: Act) -> None:
-        """Lose the samples of a gap; the act determines how many."""
+        """If the incident of the act is a gap, lose samples. `act.amount` determines how many."""
         amount = act.amount
         match act.what:
             case "gap":

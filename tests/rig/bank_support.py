@@ -51,7 +51,7 @@ Gaps = dict[int, int]
 def by_sample(
     y: Array, config: EstimatorConfig, lsb: float | None = None, gaps: Gaps | None = None
 ) -> Walked:
-    """Return the oracle's results, computed sample by sample."""
+    """Return the results of the slow reference, which takes one sample after the other."""
     (n, width), first = y.shape, config.startup_needed
     axes = AXES[:width]
     bias, R, constant = baseline(y[:first], config, lsb)

@@ -96,7 +96,8 @@ def with_breaks(
 
 
 def told(*groups: list[AnyRecord], who: EstimateOn = "host") -> DeviceHistory:
-    """Return a history of a device, as the page keeps it, after it has received all records of the groups.
+    """Return a history of a device, as the live page keeps it, after it has received the records of all lists
+    in `groups`.
 
     `who`: where the gyroscope's estimates are computed.
     """

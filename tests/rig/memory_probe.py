@@ -74,7 +74,9 @@ class Memory:
         self._library.probe_push(self._probe, n, None, None)
 
     def stir(self, n: int, seed: int) -> None:
-        """Append n random states of about unit variance, whose own variances are about 1."""
+        """Append n random states that scatter with a variance of about 1. The variance that the filter would
+        give with each state (its uncertainty) is also about 1.
+        """
         self._library.probe_stir(self._probe, n, seed)
 
     def sums(self, order: ArrayLike) -> tuple[Array, Array]:

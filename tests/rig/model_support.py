@@ -58,8 +58,8 @@ EXAMPLES: dict[str, p.AnyPart] = {
     "floor": p.Floor(0.1),
     "arfima": p.Arfima(0.4, 0.9, 0.1),
 }
-"""One example for each kind of part of a noise model. At 100 Hz, the spectrum of each example exceeds that of
-white noise of variance 1. Tests of searches, model files, navigation files and systems go through this table.
+"""One example for each kind of part of a noise model, for samples at 100 Hz. Tests of searches, model files,
+navigation files and systems go through this table.
 """
 
 

@@ -100,8 +100,8 @@ def noise(n: int, lanes: int, seed: int) -> Array:
 
 
 def check_lines(p: Periodogram, oracle: Lines) -> None:
-    """Check that a native spectrum equals the oracle's. The oracle's lines at one frequency are averaged
-    before.
+    """Check that a native spectrum equals the oracle's (the slow reference's). Where the oracle has several
+    lines at one frequency, their weighted mean is compared.
     """
     lam, place = np.unique(oracle.lam, return_inverse=True)
     assert p.weight is not None

@@ -3,13 +3,12 @@
 This module is the oracle of `fltea.stream.pipeline`, and shows the steps of the pipeline.
 `PlainDeviceStream.feed` takes a sample, and then
 
-1. `PlainSequenceTracker` gives it its number and its device time, unwrapped, and counts lost samples;
-2. `one_by_one.Timebase` gives it its host time, from a straight line fitted to the earliest arrivals of ten
-minutes;
-3. `in_units` converts its counts into deg/s, m/s² and °C, by the scales of the newest HELLO;
-4. `plain_tracks.SensorTracks` estimates the bias of each axis, and detects motion of the sensor;
-5. `plain_sensor.Sensor` computes bias and R from the first samples, and filters all later ones;
-6. `PlainDeviceStream` yields the resulting records, in order, and statistics once a second.
+1. `PlainSequenceTracker` gives it its number and its device time, unwrapped, and counts lost samples; 2.
+`one_by_one.Timebase` gives it its host time, from a straight line fitted to the earliest arrivals of ten
+minutes; 3. `in_units` converts its counts into deg/s, m/s² and °C, by the scales of the newest HELLO; 4.
+`plain_tracks.SensorTracks` estimates the bias of each axis, and detects motion of the sensor; 5.
+`plain_sensor.Sensor` computes the bias and the measurement variance R from the first samples, and filters all
+later ones; 6. `PlainDeviceStream` yields the resulting records, in order, and statistics once a second.
 
 The oracle has no live fits, and does not process estimates that boards compute.
 """
@@ -175,8 +174,8 @@ class PlainDeviceStream:
                 yield self._error("state_unused", text)
         assert self._timebase is not None
         host_ns, device = self._timebase.add(seq, device_us, raw.host_ns), self._config.name
-        # The gap before this sample is published in the earlier epoch, which lacks the samples, even if this
-        # sample begins another epoch.
+        # The samples missing before this one belong to the epoch of the sample before them. So the gap is
+        # published with the number of that epoch, even if this sample begins another epoch.
         if missing:
             of_epoch = self._epoch - (reason is not None)
             yield Gap(seq - missing, missing, of_epoch, host_ns, device=device)
@@ -337,7 +336,8 @@ class PlainDeviceStream:
 
         The result is None while a start-up window fills, if an axis is constant, or if the device is unknown.
         """
-        if self._saved is not None:  # an earlier run's snapshot that no epoch has used yet
+        # a snapshot of an earlier run, from which no epoch of this run has resumed yet
+        if self._saved is not None:
             return self._saved
         hello, newest = self._sequence.hello, self._newest
         if hello is None or newest is None or not self._sensors:

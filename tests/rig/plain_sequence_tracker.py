@@ -106,7 +106,8 @@ class PlainSequenceTracker:
         self._boot: tuple[int | None, str | None] | None = None
         self._sensor_starts: int | None = None
         self._rate_hz = 0.0
-        self._reason: EpochReason | None = "start"  # why the next sample begins an epoch
+        # why the next sample begins an epoch; None if it begins none
+        self._reason: EpochReason | None = "start"
         self._last: RawSample | None = None
         self._seq = self._device_us = 0
 

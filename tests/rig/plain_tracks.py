@@ -23,7 +23,9 @@ from tests.rig.plain_sensor import Vector
 
 
 class SampleTimes(NamedTuple):
-    """Number, epoch and times of a sample, as they appear in its records."""
+    """Number and times of a sample, and the number of its epoch (a run of samples), as in the records of the
+    sample.
+    """
 
     seq: int
     epoch: int

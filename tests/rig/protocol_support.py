@@ -31,7 +31,9 @@ def fixed(max_examples: int = 150) -> settings:
 
 
 def table(name: str) -> list[tuple[str, str]]:
-    """Return the rows `left | right` of a vector file."""
+    """Return the rows of a vector file (test data of the protocol). Each row is `left | right`, such as
+    decoded and encoded bytes.
+    """
     lines = [line for line in (VECTORS / name).read_text().splitlines() if line and line[0] != "#"]
     return [tuple(part.strip() for part in line.split("|")) for line in lines]
 

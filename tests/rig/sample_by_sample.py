@@ -45,7 +45,7 @@ class Supervisor:
         self._distrusted = False
 
     def judge(self, alpha: float, f: float, state: float, *, state_bound: bool) -> Verdict:
-        """Decide by the estimates after one sample.
+        """Decide, by the estimates after one sample, whether they are valid and whether the filters restart.
 
         `state_bound`: whether the guard had to limit the state in this sample.
         """

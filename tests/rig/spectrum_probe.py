@@ -89,9 +89,9 @@ class BoardSpectrum:
     def track_by(self, verdict: int, *numbers: float) -> None:
         """Let the tracker use given parameters for the next samples.
 
-        `numbers`: for a fractional noise α, g = h^α f, the driving variance s2, and the variance R of the
-        white noise. For a relaxation with coefficient φ (a first-order Gauss-Markov process) 1 - φ, its
-        variance, and R.
+        `numbers`: for a fractional noise, they are α, g = h^α f (h: sampling period), the driving variance
+        s2, and the variance R of the white noise. For a relaxation (a first-order Gauss-Markov process with
+        coefficient φ), they are 1 - φ, the variance of the relaxation, and R.
         """
         given = np.array([verdict, *numbers, *[0.0] * (4 - len(numbers))])
         library().spectrum_design(self._axis, given)

@@ -149,7 +149,9 @@ class _Board:
 
 
 def stories() -> st.SearchStrategy[Story]:
-    """Draw stories of two to five simulated seconds. Some stories contain a pause."""
+    """Draw stories: what a simulated board sends in two to five seconds, with incidents. In some, nothing
+    arrives for six more seconds.
+    """
     happening = st.tuples(st.integers(1, 499), st.sampled_from(HAPPENINGS))
     return st.builds(
         Story,
@@ -161,9 +163,9 @@ def stories() -> st.SearchStrategy[Story]:
 
 
 class StorySource(FedSource):
-    """A source that decodes the bytes of a story's moments.
+    """A source that decodes the bytes of a simulated board. The bytes that arrived together are a `Moment`.
 
-    `together`: numbers of moments that one read contains, used in turns.
+    `together`: how many moments each read joins; the numbers are used in turns.
     """
 
     live = False
@@ -173,8 +175,9 @@ class StorySource(FedSource):
         self._together = together
 
     def read(self, moments: Sequence[Moment]) -> Iterator[Event]:
-        """Read the moments in groups of the sizes `together`. Where the port is lost, yield the events of
-        passing time (ticks) up to that moment, and open the port again.
+        """Read the bytes of several moments at a time, as `together` says, and yield the events. Where the
+        port is lost, first yield the ticks (events of passing time) up to that moment, then open the port
+        again.
         """
         begin, turn = 0, 0
         while begin < len(moments):

@@ -35,8 +35,8 @@ class Scene:
         return self.now_s - began_s
 
     def after(self, end_s: float, then: Callable[[], None] = lambda: None) -> Callable[[float], bool]:
-        """Return the function `done` of a task that ends at the time `end_s`. Each call of `done` first calls
-        `then`.
+        """Return a function that tells whether a task, which ends at the time `end_s`, has ended. `then`:
+        function that is called at the beginning of each such call.
         """
 
         def done(timeout_s: float) -> bool:

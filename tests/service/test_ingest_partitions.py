@@ -340,9 +340,9 @@ HELLO = Hello(source="s", host_ns=0, rate_hz=100.0, sampling_mode="timer", boot_
         (7, 11, 110_000, 3.0, 0),
         (7, 31, 310_000, 0.2, 20),
         (7, (10 + 70_000) % 65536, 100_000 + 700_000_000, 700.0, 69_999),
-        (8, 11, 110_000, 3.0, 299),  # the device has restarted, so the snapshot's age decides
-        (7, 11, 900_000, 3.0, 299),  # number and device time disagree, so the age decides
-        (7, 10, 100_000, 0.5, 49),  # this is the number of the snapshot's own sample, so the age decides
+        (8, 11, 110_000, 3.0, 299),  # the device has restarted, so 299 follows from the snapshot's age
+        (7, 11, 900_000, 3.0, 299),  # number and device time disagree, so 299 follows from the snapshot's age
+        (7, 10, 100_000, 0.5, 49),  # it is the snapshot's own sample, so 49 follows from the snapshot's age
         # after so long, the sequence number may have wrapped any number of times
         (7, 11, 110_000, 3600.0, 359_999),
     ],

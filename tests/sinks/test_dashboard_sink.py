@@ -44,8 +44,8 @@ def test_it_serves_what_it_is_given_and_its_end_leaves_no_thread_and_frees_the_p
 
 
 def test_a_visitor_too_many_is_told_how_to_be_let_in() -> None:
-    """A visitor beyond the limit is told how to be let in. Once 200 visitors, who shared one session, took
-    260 MB although 20 were allowed.
+    """A visitor beyond the limit is told how to be let in. In an earlier version, 200 visitors who shared one
+    session were let in although 20 were allowed, and took 260 MB.
     """
     reports: list[str] = []
     config = DashboardConfig(address=0, visitors=1)

@@ -20,7 +20,7 @@ PANELS = json.loads((ROOT / DASHBOARD).read_text(encoding="utf-8"))["panels"]
 
 
 class Unit(NamedTuple):
-    """A unit of fields, and how the places write it.
+    """A unit of fields of records, and how the outputs write it.
 
     `base`: Prometheus' base unit, at the end of a metric's name. `factor`: factor from the unit to the base
     unit. `symbol`: the unit for people and for Home Assistant. `device_class`: Home Assistant's class of
@@ -96,7 +96,9 @@ def entity_amiss(figure: Figure) -> Iterator[str]:
 
 
 def row_amiss(figure: Figure) -> Iterator[str]:
-    """The text of a row has a number and its unit, or the label has the unit's word."""
+    """Yield what is wrong with the figure's row on the page: its text has to be the right number with a unit,
+    unless the label names the unit.
+    """
     row, unit = figure.page, unit_of(figure)
     if unit is None or not isinstance(row, Row):
         return

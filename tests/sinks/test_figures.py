@@ -1,7 +1,7 @@
 """Tests that the outputs show all figures of the records.
 
-Each number of a record is declared as a figure, or there is a reason why not. Each place shows the figures
-that are declared for it.
+A figure is a number of a record that outputs show, with its name and unit. Each number of a record is
+declared as a figure, or there is a reason why not. Each output shows the figures that are declared for it.
 """
 
 import re

@@ -95,7 +95,9 @@ def is_closed(one: socket.socket) -> bool:
 
 
 def test_only_who_came_by_a_name_of_ours_and_from_a_page_of_ours_is_answered(serve: Serve) -> None:
-    """test_listening tests which host names are accepted."""
+    """A request is refused if its header Host is no name of this page, or if its header Origin is another
+    page. test_listening tests which host names are accepted.
+    """
     port = serve(names=own_names("127.0.0.1", ("page.example",))).port
     for path in ("/", "/common.js", "/echo", "/nothing"):
         assert ask(port, path, Host=f"evil.example:{port}").status == 421

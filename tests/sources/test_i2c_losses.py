@@ -82,8 +82,9 @@ def test_a_stall_between_any_two_transfers_is_counted(register: int) -> None:
 
 
 def test_an_overflow_that_may_have_happened_is_asked_for_until_there_is_an_answer() -> None:
-    """The program stalls for nearly as long as the FIFO lasts, so it asks for an overflow after it has read
-    the samples. This question fails, but there was no overflow, so nothing is lost.
+    """The program stalls for nearly as long as the FIFO has room, so it asks the chip, after it has read the
+    samples, whether the FIFO has overflowed. This read fails, and is repeated. There was no overflow, so
+    nothing is lost.
     """
     pi = Pi()
     tries: list[int] = []
@@ -209,7 +210,9 @@ def test_a_bus_that_fails_for_200_ms_loses_nothing() -> None:
 
 
 def test_samples_of_a_sensor_that_is_lost_before_their_check_are_counted() -> None:
-    """The bus fails after samples were read, until the sensor counts as lost, so nobody can check them."""
+    """After it has read samples, the program checks that the sensor still has its settings. Here the bus
+    fails before this check, until the sensor counts as lost. So the samples that were read count as missing.
+    """
     pi = Pi()
 
     def begin_to_fail(messages: tuple[i2c_msg, ...]) -> int:

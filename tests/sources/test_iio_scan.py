@@ -115,7 +115,7 @@ def test_counts_mean_what_the_kernels_documentation_says(order, signs, scales, o
     """
     mount = np.zeros((3, 3))
     mount[range(3), order] = signs
-    mount *= np.linalg.det(mount)  # multiplying by the determinant makes a rotation of a reflection
+    mount *= np.linalg.det(mount)  # multiplication by the determinant (±1) turns a reflection into a rotation
     turned = mount @ [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
     counts = np.array([[1.0, -20.0, 300.0], [32767.0, -32768.0, 0.0]])
     truth = ((counts + offsets) * scales) @ turned.T

@@ -36,7 +36,9 @@ class Player:
         self._writer = -1
 
     def open(self) -> None:
-        """Let the source open the device, and then act as the kernel."""
+        """Let the source open the device. Then open the FIFO for writing, since the test takes the place of
+        the kernel.
+        """
         assert isinstance(next(self.events), Tick)
         self._writer = os.open(self.device.node, os.O_WRONLY)
 

@@ -31,7 +31,9 @@ from tools import standin
 
 
 def taken(records: list[AnyRecord]) -> list[tuple[object, ...]]:
-    """Return the samples without their temperature. Simulated samples have a temperature only in frames."""
+    """Return what the test compares of each sample. The temperature is left out, since simulated samples have
+    one only if they come from frames.
+    """
     return [(one.seq, one.device_us, one.gyro_dps, one.accel_ms2) for one in of(Sample, records)]
 
 

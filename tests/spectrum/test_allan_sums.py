@@ -9,9 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 FULL = 8
-"""Longest averaging time, in samples, for which differences of means are summed from every sample on (full
-overlap).
-"""
+"""Longest averaging time, in samples, for which a pair of means begins at every sample (full overlap)."""
 
 
 def sums_of(y, memory=0.0):
@@ -38,8 +36,8 @@ def test_against_allantools(kind, n):
     whole = factors <= FULL
     np.testing.assert_allclose(adev[whole], expected[whole], rtol=1e-12)
     np.testing.assert_array_equal(terms[whole], theirs[whole])
-    # For averaging times τ that are longer than FULL, only eight differences of means begin within each τ, so
-    # their sum has a few hundredths fewer degrees of freedom.
+    # For averaging times τ that are longer than FULL, only eight pairs of means begin within each τ, so the
+    # sum of the squared differences has a few percent fewer degrees of freedom.
     error = expected / np.sqrt(2 * full_overlap(-2 if kind == "random walk" else 0, factors, n))
     assert (np.abs(adev - expected) < 0.7 * error).all()
 

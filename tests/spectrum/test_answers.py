@@ -1,4 +1,6 @@
-"""The questions about a model without an order: each part of the grammar answers one, also beside others."""
+"""A verdict asks questions about the best model without an order, such as whether the noise drifts. Each part
+of a noise answers one question with yes, with other parts in the model or without.
+"""
 
 from copy import copy
 

@@ -279,8 +279,8 @@ def test_wandering_hum_is_no_filter(rate_hz: float) -> None:
 
 @pytest.mark.parametrize("slowness", [0.03, 0.1, 1.0])
 def test_a_walk_is_no_line(slowness: float) -> None:
-    """A random walk is not reported as a line that wanders about. A walk with few slow waves has a flat
-    distribution of values, as a spectral line has.
+    """A random walk is not reported as a line that wanders about. The amplitude of a line is constant, so the
+    fourth moment of its values is small. That of a walk with few slow waves is also small.
     """
     for seed in range(6):
         walk = slowness * np.cumsum(white(20_000, 1, seed + 50)[0])

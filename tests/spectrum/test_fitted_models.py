@@ -118,8 +118,8 @@ def test_intervals_end_where_the_slow_profile_falls(name: str) -> None:
         for end in (interval.low, interval.high):
             assert end is not None
             if field == "width_hz":
-                # here the free parameter is the ratio of width to frequency, so it also changes with the
-                # frequency
+                # here the free parameter is the ratio of width to frequency, which does not depend on the
+                # width alone
                 continue
             at_end = msgspec.structs.replace(best, **{field: end}).eta(H)[k]
             fall = 2 * (slow_fit(NOISES[name], data, (1 + k, at_end)) - model.nll)

@@ -1,5 +1,5 @@
-"""The null test asks whether white noise describes the samples as well. Its table of quantiles is right, and
-for white noise its p-values are uniform.
+"""The null test asks whether white noise describes the samples as well as the models with more parts do. Its
+table of quantiles is right, and for white noise its p-values are uniform.
 """
 
 import math

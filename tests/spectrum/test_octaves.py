@@ -127,7 +127,8 @@ def test_white_noise_is_flat_across_the_joints() -> None:
     errors = np.array([1 / np.sqrt(lanes * weight[band].sum()) for band in bands])
     assert np.abs((means - 1) / errors).max() < 4
     assert np.abs(np.diff(means) / np.hypot(errors[1:], errors[:-1])).max() < 4
-    # The mean power of a record has the variance 1 / (sum of the weights of its spectral lines). The variance
+    # The weight of a spectral line is the number of independent values that were averaged in it. So the mean
+    # power of a record, whose expected value is 1, has the variance 1 / (sum of the weights). The variance
     # over all records agrees with that.
     total = (power * weight).sum(axis=1) / weight.sum()
     assert total.var() * weight.sum() == pytest.approx(1, abs=4 * np.sqrt(2 / lanes))

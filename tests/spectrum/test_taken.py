@@ -26,12 +26,17 @@ LONGEST = 20_000
 MIXED = 6
 """Number of mixtures of random parts for each noise of a population."""
 IN_MODELS: dict[type[p.Part], float] = {
-    p.Relaxation: 0.15,  # of records of half a minute, an order and relaxations are the same
-    p.Sharpening: 0.15,  # two filters, quantisation and a steep rise differ at the highest frequencies only
+    p.Relaxation: 0.15,  # in a record of half a minute, an order cannot be told from relaxations
+    # only the highest frequencies tell this filter from two other filters, from quantisation or a steep rise
+    p.Sharpening: 0.15,
 }
-"""In which proportion of the noises without it a part may take the place of another part, if not USUAL."""
+"""Limits for some parts, in place of the limit USUAL: largest proportion of the noises without the part whose
+model has the part in place of a true one.
+"""
 USUAL, SAID = 0.05, 0.03
-"""SAID: in which proportion of the noises without it the verdict may name a part."""
+"""Noises without a certain part are simulated and judged. USUAL: largest proportion of these noises whose
+model has that part in place of a true one. SAID: largest proportion whose verdict names that part.
+"""
 
 
 class Found(NamedTuple):
@@ -41,13 +46,15 @@ class Found(NamedTuple):
     """Name of the noise's population."""
     truth: frozenset[type[p.Part]]
     model: frozenset[type[p.Part]]
-    """The parts of the model that stands for the noise."""
+    """The parts of the model that the verdict chooses."""
     says: frozenset[str]
     """The questions about the model without an order to which the verdict says yes."""
 
     @property
     def lost(self) -> frozenset[type[p.Part]]:
-        """The parts of the noise that the model lacks. A faint floor is often below all else."""
+        """The parts of the noise that the model lacks. A floor does not count, since it is often too faint to
+        be seen.
+        """
         return self.truth - self.model - {p.Floor}
 
 
@@ -77,8 +84,10 @@ def all_found(seeds: int) -> tuple[Found, ...]:
 @pytest.mark.parametrize("seeds", [12, long(60)])
 @pytest.mark.parametrize("kind", p.CODES[1:], ids=lambda kind: kind.tag())
 def test_a_part_takes_little_from_the_others(kind: type[p.Part], seeds: int) -> None:
-    """A part that takes more than this from others needs the trait `kApart` in its row of `kTable`, or a
-    sentence that is true of the others, too, and a row in `IN_MODELS` with the reason (host/CHANGING.md).
+    """A model rarely has a part that the noise lacks. A part that replaces true parts more often than the
+    limits allow needs the trait `kApart` in its row of `kTable` (whittle_parts.hpp). Or it needs a sentence
+    in the verdict that is true of the replaced parts, too, and a row in `IN_MODELS` with the reason
+    (host/CHANGING.md).
     """
     others = [one for one in all_found(seeds) if kind not in one.truth]
     question = kind.row().says

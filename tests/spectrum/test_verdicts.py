@@ -237,8 +237,9 @@ def ordered() -> Evidence:
         (0.0, 0.0, ALIKE, None, lambda e, v: wording.names(e.candidates.ordered.kinds) in v.rules[3].figure),
         (0.0, 0.0, ALIKE, None, lambda e, v: winner(e, v) is e.candidates.order),
         (0.0, 0.0, ALIKE, NOTHING._replace(says=frozenset({"drift"})), lambda e, v: v.kind != "drift"),
-        # At a lead that counts as significant, three further decisions change: whether a fractional order is
-        # claimed, whether it is possible beside other parts, and whether it is possible alone.
+        # Where the lead (6 or -6 here) becomes significant, three further decisions change: whether a
+        # fractional order is claimed, whether it is possible beside other parts, and whether it is possible
+        # alone.
         (6.0, 50.0, {}, None, lambda e, v: v.kind == "fractional"),
         (
             -6.0,

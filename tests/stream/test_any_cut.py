@@ -82,8 +82,8 @@ def check_any_reads(
 def test_bytes_of_the_same_moments_give_the_same_records_however_they_are_read(
     story: Story, places: list[float], together: list[int], changes: dict[str, Any]
 ) -> None:
-    """The reads that hypothesis draws are cut at `places` and joined in groups of the sizes `together`. Reads
-    that are only cut, or only joined, are among them.
+    """The bytes of a story are read in smaller pieces, cut at `places`, and these are joined in groups of the
+    sizes `together`. Hypothesis also draws cases without cuts, and cases in which nothing is joined.
     """
     moments, chosen = story.moments(), config(changes)
     whole = walk(chosen, moments)

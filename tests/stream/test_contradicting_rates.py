@@ -22,8 +22,8 @@ from tests.rig.same_records import assert_same
 
 N = 1000
 FIRST_SECOND = 105
-"""Largest number of samples that are used, or held back until the next HELLO, before the contradiction of the
-rates is detected.
+"""Largest number of samples before the program detects that the rate in HELLO contradicts the device's clock.
+Until then it uses samples, or holds them back until the next HELLO.
 """
 
 

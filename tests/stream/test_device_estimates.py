@@ -247,8 +247,8 @@ def told_late() -> list[Sent]:
 
 
 def heard_late() -> list[Sent]:
-    """The device was already running when the host connected, so the start-up windows of device and host
-    contain different samples.
+    """The device was already running when the host connected. So the start-up windows, from which each of the
+    two computes the first bias, contain different samples.
     """
     return [one for one in Board().run(noise(400)) if one.instant >= 150]
 

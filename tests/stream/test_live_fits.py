@@ -330,7 +330,7 @@ def test_another_memory_begins_again() -> None:
     assert of(Fit, items)[0].samples == 100
 
 
-# --- true fits ---
+# --- real fits; the tests above use a stand-in ---
 
 
 @given(cuts(400), st.sets(st.integers(1, 398), max_size=5))

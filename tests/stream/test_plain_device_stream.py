@@ -265,7 +265,7 @@ USUAL = ("odd gap", "no accelerometer", "knock", "turn")
 @pytest.mark.parametrize(("k", "amount"), [(0, 0.02), slow(1, 0.4), slow(2, 0.6), (3, 0.98)])
 @pytest.mark.parametrize("what", long_but(USUAL, ACTS, quick=QUICK))
 def test_each_thing_that_may_happen_before_a_snapshot_and_behind_it(what: str, k: int, amount: float) -> None:
-    """Each incident is tried before and after a snapshot, small and large, at several times within a second.
+    """Each incident, small and large, is tried before and after a snapshot, at several times within a second.
 
     Many samples follow the incident.
     """

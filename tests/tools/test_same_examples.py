@@ -4,6 +4,8 @@ from hypothesis.internal.conjecture.providers import HypothesisProvider
 
 
 def test_no_constants_come_from_the_sources_of_the_project() -> None:
-    """The conftest of these tests replaces a function of hypothesis that is not public."""
+    """The library hypothesis can take constants from loaded source files as examples. tests/conftest.py turns
+    this off by replacing a private function of hypothesis.
+    """
     constants = HypothesisProvider(None)._local_constants
     assert not len(constants)

@@ -75,7 +75,9 @@ def cxx_functions(text: str) -> Iterator[tuple[str, int]]:
 
 
 def _indent_of_head(lines: list[str], last: int) -> str:
-    """Return the indentation of the first line of a head, whose last line has the index `last`."""
+    """Return the indentation of the first line of the head of a function or class, which ends with the line
+    of index `last`.
+    """
     first, closed = last, _closed(lines[last])
     while closed > 0 and first > 0:
         first -= 1

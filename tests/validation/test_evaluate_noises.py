@@ -52,7 +52,8 @@ def test_samples_have_the_spectrum_from_the_first_on(case: Case) -> None:
         expected = noise.s2 * spectrum.fractional(power.lam, case.alpha, noise.g) + noise.R
     else:
         expected = np.full(len(power.lam), POWER)
-    for low in range(0, 480, 80):  # each mean is one of 4,800 exponentially distributed values
+    # each mean is taken over 80 frequencies of 60 series: 4,800 exponentially distributed values
+    for low in range(0, 480, 80):
         assert (power.power / expected)[:, low : low + 80].mean() == pytest.approx(1, abs=0.08)
     first, last = (y[part].var() for part in (slice(0, 300), slice(-300, None)))
     assert first == pytest.approx(last, rel=0.25)

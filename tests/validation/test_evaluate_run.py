@@ -184,7 +184,8 @@ def test_tables_and_conclusion(tiny: list[Row]) -> None:
     assert isinstance(words, str)
     assert words.startswith("After 1,500 samples")
     assert "Where x has at least 90% of the power joint is right in" in words
-    assert "less than" not in words  # the tiny plan has no noise about which this sentence could be written
+    # the sentence with these words is about noises that the small plan of this test does not have
+    assert "less than" not in words
 
 
 @pytest.mark.slow

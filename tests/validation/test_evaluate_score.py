@@ -61,8 +61,8 @@ CASES = [(0.3, -0.4, 2.0, 0.5), (0.6, -0.19, 1.0, 3.0), (0.8, -0.025, 0.03, 1.0)
 @settings(max_examples=25)
 @given(phi=st.floats(-0.95, 0.95))
 def test_ar1(phi: float) -> None:
-    """An order α = 1 with g = φ - 1 is an autoregression AR(1) with coefficient φ. For n samples its bounds
-    are known: var φ = (1 - φ²)/n and var log s2 = 2/n.
+    """The state of order α = 1 with g = h^α f = φ - 1 is an autoregression AR(1) with coefficient φ and steps
+    of variance s2. For n samples, its Cramér–Rao bounds are known: var φ = (1 - φ²)/n and var log s2 = 2/n.
     """
     information = fisher(1.0, phi - 1, 2.5, 0.0, N)
     assert information[1, 1] == pytest.approx(N / (1 - phi**2), rel=1e-6)
@@ -94,8 +94,8 @@ def log_spectrum(p: np.ndarray) -> np.ndarray:
 def test_bound_of_alpha_and_f_by_differences(case: tuple[float, float, float, float]) -> None:
     """The Cramér–Rao bound for α and f agrees with one that is computed by finite differences.
 
-    The bound that is tested is computed with g as a parameter. The one for comparison has f, and the
-    numerical derivatives of the spectrum that the Whittle fit uses.
+    The tested bound is computed with the parameter g = h^α f instead of f, where h is the sampling period.
+    The other bound is computed with f, from numerical derivatives of the spectrum that the Whittle fit uses.
     """
     alpha, g, s2, R = case
     here = np.array([alpha, spectrum.f_of(alpha, g, H), math.log(s2), math.log(R)])
@@ -124,7 +124,7 @@ def test_bound_of_alpha_and_f_by_differences(case: tuple[float, float, float, fl
     ],
 )
 def test_means_over_the_frequencies(shape: np.ndarray, expected: float) -> None:
-    """The mean over all frequencies is right even for sharp spectra: of an autoregression AR(1) with a memory
-    of up to 100,000 samples, and with a pole at λ = 0.
+    """The mean over all frequencies is right even for sharp spectra: that of an autoregression AR(1) with a
+    memory of up to 100,000 samples, and one that is infinite at the frequency λ = 0.
     """
     assert mean(shape) == pytest.approx(expected, rel=1e-5)

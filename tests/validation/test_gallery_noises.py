@@ -40,7 +40,7 @@ def test_nothing_is_shared_with_the_fits(module: str) -> None:
         elif isinstance(node, ast.ImportFrom):
             names.append(node.module or "")
     ours = [name for name in names if name.startswith(("fltea", "tools"))]
-    # these only define names, types and the plain recursion
+    # the shared modules only define names, types and the recursion of the fractional state
     shared = ("fltea.records.fit", "fltea.records.arrays", "tools.validation.recursions")
     assert all(name.startswith("tools.validation.gallery.") or name in shared for name in ours)
 
@@ -62,7 +62,8 @@ def test_spectrum(name: str) -> None:
     smeared = np.concatenate([np.ones(5), near @ weight / weight.sum()])
     for begin, end in itertools.pairwise(edges):
         expected, got = smeared[begin:end].sum(), power[begin:end].sum()
-        # 1 / effective number of ordinates: a band of this many equal ordinates would scatter as much
+        # 1 / effective number of ordinates in the band: the power of a band with this number of equal
+        # ordinates would scatter as much as that of this band
         share = (smeared[begin:end] ** 2).sum() / expected**2
         spread = math.sqrt(share / (SAMPLES / SEGMENT * 1.3))
         assert got / expected == pytest.approx(1, abs=5 * spread + 0.03), f"ordinates {begin} to {end}"

@@ -32,9 +32,11 @@ def test_tasks_differ() -> None:
 
 
 def test_odds_that_come_true_are_on_the_line() -> None:
-    """Odds come true if three in four noises with odds of 3 : 1 have a fractional order.
+    """The verdict states odds that a noise has an order, such as 3 : 1. They come true if three in four
+    noises with these odds have an order.
 
-    Here a hundred noises of each kind are made up, and weighted by the kinds' proportions.
+    Here the results of a hundred noises of each kind are made up. Each kind is weighted by its proportion in
+    `POPULATIONS`.
     """
     rows = [row("order", k, 5.0, 2.0) for k in range(100)]
     rows += [row(name, k, 5.0, 2.0) for name in POPULATIONS if name != "order" for k in range(50)]

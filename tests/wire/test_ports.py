@@ -156,7 +156,8 @@ def test_one_that_floods_loses_nothing_and_holds_up_nobody(terminals, loop_of) -
     flood = 0
     for k in range(300):
         with contextlib.suppress(BlockingIOError):
-            for _ in range(100):  # before every round, this loop writes until the terminal is full
+            # before every round, this loop writes until the buffer of the terminal is full
+            for _ in range(100):
                 flood += os.write(many[1].master, bytes(1000))
         many[k % 2 * 2].send(b"x")
         # Bytes written to a terminal may arrive a moment later, so several rounds may be needed. Reading
