@@ -159,8 +159,9 @@ class DueRun(HostView):
     def check(self) -> str | None:
         """Return a text about the first contradiction between board and host; None if there is none.
 
-        The sample of each sampling instant must be delivered, counted as lost, or unheard at the end of a
-        boot. All values must be those that the sensor gave.
+        The sample of each sampling instant must be delivered or counted as lost, or it is one of the last
+        samples before a reset, which the board could not send any more (`unheard`). All values must be those
+        that the sensor gave.
         """
         samples = self.stats.sample_counts
         unheard = self.unheard()

@@ -143,7 +143,7 @@ These noises have about the same N as the usual noise, so that no sensor is an o
 """
 
 RELAXING = "relaxing"
-"""Name of the noise of the second kind of chip."""
+"""Name of the noise of the second kind of chip in a simulated fleet: white noise and a relaxation."""
 
 
 def axis_fit(rng: np.random.Generator, factor: float, *, second: bool, changed: Changed | None) -> AxisFit:

@@ -22,10 +22,11 @@ by measurements (firmware/README.md, "What it costs").
 
 
 def step_for(error: float) -> float:
-    """Return the largest step between neighbouring modes that keeps the error at or below `error`.
+    """Return the largest step between neighbouring modes with which weights err by at most `error`.
 
-    The weights of past samples are integrals over the modes' decay rates, which the trapezoidal rule
-    approximates. The step is that between the logarithms of the rates.
+    A mode is a sum of past samples that decays exponentially. The weight of a past sample is an integral over
+    all decay rates; the modes approximate the integral by the trapezoidal rule. The step is the difference of
+    the logarithms of the decay rates.
     """
     step = 1.0
     while _alias(step) > error:
@@ -39,7 +40,7 @@ def _alias(step: float) -> float:
 
 
 def top_for(step: float, error: float) -> int:
-    """Return the position of the mode that decays fastest: the number of steps from the decay rate 1.
+    """Return the number of the mode (decaying sum) that decays fastest: its decay rate is exp(number · step).
 
     The next faster mode would contribute less than a quarter of `error`.
     """

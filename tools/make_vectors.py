@@ -262,7 +262,7 @@ REFUSED = [
 
 
 def bad() -> str:
-    """Return the text of bad.txt."""
+    """Return the text of bad.txt: byte streams that a receiver has to reject, each with the reason."""
     text = "# Bytes from the start of a stream, and the one thing found. Written by tools/make_vectors.py.\n"
     after = [(name, reason, b"\x00" + data) for reason, some in BAD.items() for name, data in some]
     for name, reason, data in after + BAD_FIRST:

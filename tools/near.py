@@ -118,7 +118,8 @@ def tests_of(name: str, users: Users) -> list[str]:
 def typed(name: str) -> str:
     """Return what mypy checks after a change of a file.
 
-    mypy checks the file's package in host/fltea, or its folder in tools or tests. It checks a helper alone.
+    mypy checks the file's package in host/fltea, or its folder in tools or tests. A helper, such as a file in
+    tests/rig, is checked alone.
     """
     match Path(name).parts:
         case ("host", "fltea", _, _, *_) as parts:

@@ -95,7 +95,7 @@ def _of(path: str, kind: types.Type, text: str, seen: set[type]) -> Rows:
 
 
 def _key(path: str, kind: types.DictType) -> str:
-    """Return the word, such as "axis", that stands for the keys of an object in a path of the table."""
+    """Return the word that stands for all keys of an object, such as "axis" in `axes.<axis>.bias`."""
     name = path.rpartition(".")[2]
     if isinstance(kind.key_type, types.IntType):
         return "t"

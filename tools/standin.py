@@ -111,7 +111,11 @@ def main() -> int:
 
 
 def serve(port: PtyPort, device: Device, limit: int) -> None:
-    """Send in real time until the client closes the port, or discards the device's first bytes."""
+    """Send in real time until the client closes the port.
+
+    Also end if a program opens the port anew: it then discards the unread bytes, and gets the first bytes of
+    a new start.
+    """
     opened_s = time.monotonic()
     while not port.was_emptied() and time.monotonic() < opened_s + OPENING_S:
         time.sleep(POLL_S)

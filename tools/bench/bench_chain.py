@@ -153,7 +153,8 @@ def not_reached(runs: Mapping[str, Mapping[str, Sequence[Figures]]]) -> list[str
 def text(found: dict[str, Any]) -> str:
     """Return the tables of results.
 
-    For each row, the tables list the programs one below the other, the ratio of their figures, and the goals.
+    Each task has one line for each program. If there are two programs, a line with the ratios of their
+    figures follows. The last column has the goals.
     """
     lines = []
     for kind, title in TITLES.items():

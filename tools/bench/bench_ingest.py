@@ -56,8 +56,9 @@ class _Programs:
     """The measured processes of `fltea run` (one or two), and the records that these processes write."""
 
     def __init__(self, folder: Path, stack: contextlib.ExitStack, count: int, *arguments: str) -> None:
-        # The file is opened for appending, because this process reads it. Reading moves the file position,
-        # which a process that writes the file shares.
+        # This process reads the file while `fltea run` writes to it, and both share one file position, which
+        # reading moves. The file is opened for appending, so that each write goes to its end wherever the
+        # position is.
         self._files = [stack.enter_context((folder / f"out{k}").open("a+b")) for k in range(count)]
         command = ("run", *arguments, "--every", EVERY, "--format", "ndjson")
         self.processes = [

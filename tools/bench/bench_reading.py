@@ -32,8 +32,8 @@ NAMES += [f"accel_{axis} (m/s^2)" for axis in "xyz"]
 PLACES = How(columns=["2", "3", "4"], time_column="1", time_unit="s", units="deg/s")
 ROUNDS = 5
 SMALLER = 30
-"""Smaller files show how the time grows with a file's size. The CSV file has this many times the rows of the
-smallest of these files.
+"""Smaller files show how the time grows with a file's size. The smallest of them has the number of rows of
+the large CSV file, divided by this number.
 """
 SECONDS_PER_MB, TWICE = 1.0, 2.5
 """Largest values that reach the goals. SECONDS_PER_MB is the time for 1 MB of any text [s]. TWICE is the time
@@ -241,7 +241,10 @@ def _growth(path: Path, form: Form, rows: int, rounds: int) -> dict[str, Any]:
 
 
 def _headers(folder: Path, rows: int, rounds: int) -> dict[str, dict[str, float]]:
-    """Return the speed of rows with and without a header before each of them [rows/s], and the ratio."""
+    """Return how fast rows with and without a header before each of them are read [rows/s].
+
+    `ratio`: the time with headers divided by the time without.
+    """
     works = {}
     for name, form in (("with", LINEAR["a header before each row"]), ("without", FORMS["CSV with a header"])):
         path = folder / f"{name}.csv"

@@ -129,7 +129,10 @@ def _day() -> Iterator[Row]:
 
 
 def _peers(kind: str, prefix: str) -> Iterator[Row]:
-    """Yield the rows of other programs that read such files."""
+    """Yield the rows of the benchmark that measure other programs, for comparison.
+
+    They read the same kinds of files.
+    """
     for form, title, text in (
         ("csv", "pandas.read_csv of that CSV", PANDAS),
         ("mcap", "mcap's reader over that MCAP", MCAP),

@@ -71,7 +71,7 @@ class InlineWorker(FitWorker):
     making = False
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Return a function that makes the refit when it is called."""
+        """Return a function that makes the refit (calls `work`) when it is called."""
 
         def made() -> T:
             self.making = True

@@ -70,7 +70,9 @@ class Found(NamedTuple):
 
 
 def on_pc(samples: int, noise: str = NOISES[0]) -> Found:
-    """Run the program on this machine, with one of NOISES. The counts of the phases are zero.
+    """Run the program on this machine, with one of NOISES.
+
+    Only the emulated Due counts instructions, so all counts in `phases` are zero here.
 
     Raises:
         subprocess.CalledProcessError: the program cannot be built.

@@ -50,7 +50,10 @@ class BankedChip(Chip):
         raise NotImplementedError
 
     def _store_special(self, register: int, value: int) -> bool:
-        """Do what the write of a register causes, except that it is stored. Return whether that is all."""
+        """Do what the write of a register causes, apart from storing the value.
+
+        Return True if the value must not be stored.
+        """
         raise NotImplementedError
 
     def _convert(self, at_ns: int) -> None:

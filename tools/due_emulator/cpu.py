@@ -102,7 +102,11 @@ class Cpu:
         self._settle_speed()
 
     def _at_breakpoint(self) -> None:
-        """Call the breakpoint's action, unless the program has just finished hanging at this instruction."""
+        """Call the breakpoint's action.
+
+        If the action lets the program hang, the instruction is reached again when the hang ends; the action
+        is not called then.
+        """
         if not self._has_hung:
             self._on_breakpoint()
         self._has_hung = not self._has_hung and self._halted_until_ps > self._machine.now_ps

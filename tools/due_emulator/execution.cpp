@@ -187,9 +187,9 @@ uint64_t hash_of_registers(const Execution& e) {
     return hash;
 }
 
-// Whether the loop that contains read number `i` only waits and does not count its iterations. The loop only
-// waits in two cases: since this instruction last read, another instruction has read a changed value, or
-// since then no processor register has changed.
+// Whether the loop with read number `i` only waits. A loop counts its iterations if registers change although
+// no value that it reads changed. So it only waits if, since this instruction last read, no register has
+// changed, or another instruction has read a changed value, which explains changed registers.
 bool only_waits(Execution& e, uint64_t i) {
     if (e.recent_changes[i] != e.changes) return true;
     const uint64_t hash = hash_of_registers(e);
@@ -236,8 +236,8 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
         e.limit = 0;
         return 0;
     }
-    // A read after which another event is next has started an action, so the read is no poll. Time must not
-    // jump, because the code after the read may have little time until that event.
+    // If the next event is another one than before the read, the read has started an action, so it is no
+    // poll. Time must not jump, because the code after the read may have little time until that event.
     if (written || e.next_event_ps != next_event_ps)
         e.recent_count = 0;
     else if (!e.dropped)
@@ -251,8 +251,9 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
     return value;
 }
 
-// Notes the range of the program's code that is in RAM. Only the exact processor runs this code, and it does
-// not notice if the fast processor overwrites the code, so run_fast compares the range before and after.
+// Notes the range of the program's code that is in RAM. Of the two emulated processors (fast, and exact with
+// a check of each instruction), only the exact one runs this code. It does not notice if the fast one
+// overwrites the code, so run_fast compares the range before and after.
 void note_code_elsewhere(Execution& e, uint64_t address, uint64_t bytes) {
     if (e.code_begin == e.code_end) e.code_begin = e.code_end = address;
     if (address < e.code_begin) e.code_begin = address;

@@ -34,7 +34,8 @@ struct QuickReads {
 struct Block {
     uint16_t bytes;
     uint16_t instructions;
-    // bit i is 1 if the exact processor must run this block whenever register i holds no multiple of 4
+    // Bit i is 1 if an access by register i has to be aligned. If register i holds no multiple of 4, the
+    // exact processor, which checks each access, must run this block instead of the fast one.
     uint16_t aligned;
     uint8_t needs_exact;
 };

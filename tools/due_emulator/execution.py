@@ -186,7 +186,9 @@ class Execution(ctypes.Structure):
         on_events: Callable[[int], None],
         on_limit: Callable[[int, int], None],
     ) -> None:
-        """Set the functions that are called during a slice; `now_ps` is the virtual time [ps].
+        """Set the functions that are called during a slice (instructions that run without an interruption).
+
+        `now_ps`: the virtual time [ps].
 
         `on_read(now_ps, address, bytes)`, `on_write(now_ps, address, bytes, value)`: accesses to peripherals.
         `on_events(now_ps)`: events are due after an access. `on_limit(now_ps, pc)`: the limit is reached

@@ -60,8 +60,8 @@ class Profile:
         self._names = [functions[address] for address in self._begins]
         self._phases = {address: name for address, name in functions.items() if name in phases}
         self._calls: dict[int, list[tuple[str, int]]] = {}
-        """Key: number of active exceptions. Value: the phases that are then running, each with its return
-        address, the innermost phase last.
+        """The phases that are running (functions whose calls have not returned), by the number of active
+        exceptions. Each phase has the return address of its call; the innermost phase is last.
         """
         self._function = ELSEWHERE
         self._phase: str | None = None

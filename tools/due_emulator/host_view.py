@@ -93,7 +93,7 @@ class Steps:
 
     @property
     def rate_hz(self) -> float | None:
-        """Sampling rate by the device's own clock [Hz], with lost samples; None before the first step."""
+        """Sampling rate by the device's own clock [Hz]; lost samples count. None before the second sample."""
         return self._count / self._total_us * 1e6 if self._total_us else None
 
 

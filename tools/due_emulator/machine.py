@@ -113,7 +113,7 @@ class Machine:
 
     @property
     def next_event_ps(self) -> int:
-        """Time of the next event that is not quiet; NEVER_PS if there is none."""
+        """Time of the next event for which the program must be stopped; NEVER_PS if there is none."""
         heap = self._heap
         while heap:
             at_ps, number, alarm = heap[0]

@@ -81,5 +81,5 @@ class Memory:
 
 
 def address_of(content: mmap.mmap) -> int:
-    """Return the address of the contents in the host's memory, for Unicorn and C++."""
+    """Return the address of a board's memory in this process, for Unicorn and C++."""
     return ctypes.addressof(ctypes.c_char.from_buffer(content))

@@ -148,8 +148,9 @@ class Mpu9250(Chip):
     def start(self, address: int, read: bool) -> bool:
         """Receive a START or repeated START with an address; return whether the chip acknowledges.
 
-        From the START to the STOP, the output registers show the values of one instant. The chip copies its
-        internal registers to those that can be read only while the bus is idle (MPU-6000 register map, 4.17).
+        From the START to the STOP, the output registers show the values of one instant. Only while the bus is
+        idle does the chip copy its newest measurement to the registers that can be read (MPU-6000 register
+        map, 4.17).
         """
         self._selected = super().start(address, read) and not (
             self._registers[reg.USER_CTRL] & reg.I2C_IF_DIS

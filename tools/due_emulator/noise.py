@@ -163,7 +163,9 @@ class Replayed(Stepped):
 
 
 def fractional_world(query: str) -> Fractional:
-    """Return the motion that is described by the text after `synthetic:`, such as `alpha=0.3&f=-1.5&seed=7`.
+    """Return the simulated rates of the sensor, by a text such as `alpha=0.3&f=-1.5&seed=7`.
+
+    The text is what follows `synthetic:` in the name of a source.
 
     Raises:
         UsageError: a key is unknown, has an impossible value, or does not apply to this board.

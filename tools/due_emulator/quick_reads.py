@@ -38,7 +38,10 @@ class QuickRegister(ctypes.Structure):
 
 
 class QuickReads(ctypes.Structure):
-    """All quick registers of a machine. `clocked`: as in `Machine`, which peripherals have a clock."""
+    """All quick registers of a machine: those that C++ reads without Python.
+
+    `clocked`: which peripherals have a clock, as in `Machine`.
+    """
 
     _fields_ = (
         ("clocked", ctypes.c_uint64),

@@ -55,7 +55,8 @@ inline Need need_of_several(uint16_t h1, uint16_t h2) {
     }
 }
 
-// The condition under which an instruction is refused. `h2` matters only for a wide instruction.
+// The condition under which an instruction is refused. `h1`, `h2`: its halfwords; only a wide instruction has
+// a second one.
 inline Need need_of(uint16_t h1, uint16_t h2) {
     if (!is_wide(h1)) return need_of_narrow(h1);
     if (h1 >> 9 == 0x74) return need_of_several(h1, h2);
@@ -95,14 +96,15 @@ class AddressNeeds {
 
     // Bit i is 1 if register i must hold a multiple of 4 at the beginning of the block.
     uint16_t aligned() const { return aligned_; }
-    // Whether the block's needs cannot be decided. This is so if an address may not come from the value that
-    // a register has at the block's beginning, or if the block has an instruction that a Cortex-M3 does not
-    // know.
+    // Whether it cannot be decided at the block's beginning if all its instructions will be accepted. This is
+    // so if an address may come from something else than a register's value at the beginning, or if the block
+    // has an instruction that a Cortex-M3 does not know.
     bool unknown() const { return unknown_; }
 
   private:
-    // origin of a value that is a multiple of 4. The origin has PC's number, because PC as a base address is
-    // a multiple of 4.
+    // `from_` has an origin for each register: the number of the register from whose value at the block's
+    // beginning it comes, or one of these two. kMultiple: the value is a multiple of 4. It has the number of
+    // PC, since PC as a base address is a multiple of 4.
     static constexpr unsigned kMultiple = kPc;
     static constexpr unsigned kElsewhere = 16;
 
@@ -225,8 +227,8 @@ class AddressNeeds {
         if (exclusive) lose(h2 & 15u);
     }
 
-    // Processes a shift of a register by a constant (ARMv7-M, A5.3.11). The shift can copy the register, make
-    // a multiple of 4 of it, or compute an address in a table.
+    // Notes what is known of the result of an instruction that shifts a register by a constant (ARMv7-M,
+    // A5.3.11). The result can be a copy of the register, a multiple of 4, or an address in a table.
     void follow_shifted(uint16_t h1, uint16_t h2) {
         const unsigned to = h2 >> 8 & 15u, base = h1 & 15u;
         const unsigned shift = (h2 >> 10 & 0x1Cu) | (h2 >> 6 & 3u);

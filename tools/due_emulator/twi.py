@@ -116,8 +116,8 @@ class Twi(Peripheral):
     def on_read(self, register: str) -> int:
         """Read a register. A read of the status register clears its events.
 
-        While the receive register RHR is full, the next byte waits in its last bit. A read of RHR lets this
-        byte end.
+        While the receive register RHR is full, the controller holds the clock in the last bit of the next
+        byte. A read of RHR lets this byte end.
         """
         value = self.registers[register]
         if register == "SR":
@@ -329,8 +329,9 @@ class Twi(Peripheral):
             bits = next(self._transfer)
         except StopIteration:
             return
-        # An access of the program can end two kinds of waits early: the wait in the last bit, which LAST_BIT
-        # stands for, and the wait without an end of its own, which None stands for.
+        # There are two waits that an access of the program ends at once. In the last bit of a byte
+        # (LAST_BIT), the controller holds the clock while the receive register is full. With None, it waits
+        # until the program acts.
         self._waiting = bits in (None, LAST_BIT)
         if bits is not None:
             self._alarm.set(self._ps(bits))

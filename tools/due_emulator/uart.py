@@ -176,7 +176,7 @@ class Transmitter(Peripheral):
                 r[self.status] |= TXBUFE
 
     def _take(self) -> int:
-        """Let the PDC read the next byte from memory; return it."""
+        """Let the DMA controller (PDC) read the next byte from memory; return it."""
         r = self.registers
         byte = self._memory.read(r["TPR"], 1)
         if byte is None:

@@ -87,8 +87,8 @@ def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
         f"{scene.newest()} of {SENSORS * AXES} axes have their newest fit",
         *wrong,
         (("the broker is back." in scene.fleet.stderr) != bool(outages), "its return"),
-        # Only fits after the first round can be replaced by newer ones: the fleet has received the first
-        # round, and no fit is replaced while the fleet is connected.
+        # While the fleet is cut off, the broker keeps only the newest fit of each axis, so older ones may be
+        # replaced. The fits of the first round are not among them, since the fleet has received them before.
         (
             not 0 <= replaced <= (scene.fits - SENSORS if outages else 0),
             f"{found['fits']} of {scene.fits} fits",

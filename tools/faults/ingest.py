@@ -228,8 +228,8 @@ NATS_PERHAPS = PERHAPS | {"nats_lost", "nats_back"}
 def _nats(reported: frozenset[str], *, lost: Bounds = 0, perhaps: frozenset[str] = PERHAPS) -> Expected:
     """Return the expected outcome of a fault of NATS.
 
-    Any number of excused records is allowed, since the output of a program may drop records. The output
-    counts the dropped records.
+    Any number of records may be missing without being counted as lost (`excused`), since the output of a
+    program may drop records. The output counts the dropped records.
     """
     return Expected(reported, perhaps=perhaps, lost=lost, excused=None)
 

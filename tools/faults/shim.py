@@ -1,7 +1,7 @@
 """Runs `fltea` with a clock that can be set and with simulated USB ports; all else is the real program.
 
-FLTEA_SHIM_CLOCK=FILE   its eight bytes are added to Unix time [ns]
-FLTEA_SHIM_PORTS=FILE   JSON: a list of [device, description, hardware id]
+FLTEA_SHIM_CLOCK=FILE   FILE holds an integer of eight bytes, which is added to Unix time [ns]
+FLTEA_SHIM_PORTS=FILE   FILE holds the USB ports in JSON: a list of [device, description, hardware id]
 """
 
 import json

@@ -45,7 +45,8 @@ class SmallDisk:
     def hold(self) -> Sequence[str]:
         """Mount the disk until `close` is called.
 
-        Return the beginning of a command whose program sees the disk.
+        Only programs in the namespace of the mount see the disk. Return the beginning of a command (`nsenter
+        …`) that runs a program there.
         """
         keep = ("sh", "-c", "echo; exec sleep infinity")
         self._keeper = subprocess.Popen([*self.before, *keep], stdout=subprocess.PIPE)

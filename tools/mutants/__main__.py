@@ -62,7 +62,7 @@ class Result(NamedTuple):
         return self.invalid is None and not any(verdict.noticed for verdict in self.verdicts)
 
     def describe(self) -> str:
-        """Return a line about the mutant, and one more line for each judge that noticed the bug."""
+        """Return a line about the mutant, and one for each judge (group of tests) that noticed the bug."""
         head = f"{self.mutant.name} ({self.mutant.file}): {self.mutant.breaks}"
         if self.invalid is not None:
             return f"INVALID  {head}\n{self.invalid}"

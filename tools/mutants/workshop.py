@@ -38,8 +38,8 @@ EDGE_TESTS = ("tests/e2e/test_due_edges.py", "-o", "timeout=200")
 """Slow tests of the emulated Due that read the program's variables and code."""
 OF_ITS_IMAGE = ("-m", "not slow", "-k", "not data_ready", "-o", "timeout=100")
 DOCTEST, NATIVE = "build/doctest", "build/native"
-# These flags contain no sanitizers and no optimisation, so that a mutant is built in seconds. make expands
-# $(VECTORS).
+# These flags contain no sanitizers and no optimisation, so that a mutant is built in seconds. $(VECTORS) is a
+# variable of tests/firmware/Makefile.
 DOCTEST_FLAGS = "FLAGS=-std=gnu++11 -O0 -DVECTORS='\"$(VECTORS)\"'"
 ARDUINO = {"MAKEFLAGS": "SANITIZE="}
 ARDUINO_TESTS = ("tests/firmware/test_arduino.py", "-k", "g++ and not clang")
@@ -112,7 +112,7 @@ def forget_build(root: Path) -> None:
     (root / DOCTEST / "tests").unlink()
     # Some of these files contain absolute paths into the copy in which they were built.
     shutil.rmtree(root / NATIVE)
-    # The dependency files in this folder contain such paths, too.
+    # The dependency files in this folder also contain absolute paths into the copy in which they were built.
     shutil.rmtree(root / "build/tests-arduino")
 
 
@@ -135,7 +135,10 @@ def judge(root: Path, file: str, *, everyone: bool = False) -> list[Verdict]:
 
 
 def _judges(file: str) -> list[tuple[str, Callable[[Path], str | None]]]:
-    """Return the names and functions of the judges that can notice a bug in firmware/`file`."""
+    """Return the judges (groups of tests) that can notice a bug in firmware/`file`.
+
+    Each judge has a name, and a function that runs the tests.
+    """
     emulator, doctest = ("emulator", on_the_emulator), ("doctest", by_doctest)
     arduino, spectrum = ("arduino", on_the_stub), ("spectrum", by_spectrum)
     if file.startswith("core/engine/"):
