@@ -74,7 +74,11 @@ def tasks(options: Options) -> list[Task]:
 
 
 def axis(noise: str, samples: int, seed: int) -> list[Row]:
-    """Return, for an axis and each rule, the highest level at which the rule never rejects white noise."""
+    """Simulate an axis. Return, for each rule, how strict it may be.
+
+    A rule is a test that can reject white noise. The result for a rule is the lowest significance level at
+    which it ever rejects white noise: at all lower levels, it never does.
+    """
     rng = np.random.default_rng((seed, samples))
     draw: Draw = (lambda n: WHITE[noise](n, rng)) if noise in WHITE else _relaxations(POLES[noise], rng)
     sums, last_refit, taken, of = Octaves(1), LastRefit(), 0, _levels if noise in WHITE else _claim
@@ -139,7 +143,11 @@ def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool
 
 
 def _claim(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
-    """Return 0 if the noise is called fractional now, otherwise 1, in the form of `_levels`."""
+    """Return 0 if the noise is called fractional now, otherwise 1.
+
+    The result has the form of that of `_levels`: 0 stands for a rule that rejects white noise at every level,
+    and 1 for one that does not.
+    """
     return {"fractional": 0.0 if decide(_evidence(sums, last_refit, taken)).kind == "fractional" else 1.0}
 
 

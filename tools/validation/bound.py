@@ -40,15 +40,16 @@ def tasks(options: Options) -> list[Task]:
 
 
 def critical_values() -> list[Row]:
-    """Return, for each correlation, the 95 % point of the likelihood ratio of two normal estimates.
+    """Return critical values: the 95 % points of a likelihood ratio, for each correlation.
 
-    One of the estimates is R. When the other estimate is fixed, R is at its bound 0.
+    Two estimates with this correlation are simulated: R, which cannot be negative, and any other. The ratio
+    compares the best fit with that in which the other estimate is fixed at its true value, and R is 0.
     """
     rng = np.random.default_rng(0)
     other, below = rng.standard_normal(DRAWN), np.abs(rng.standard_normal(DRAWN))
-    # `below`: the other estimate is fixed; if R had no bound, R would be this far below 0 [standard
-    # deviations]. `free`: value of R without a bound if neither estimate is fixed; values above 0 are
-    # replaced by 0.
+    # `other`: error of the other estimate if neither is fixed. `below`: how far R would be below 0 if it had
+    # no bound, and the other estimate were fixed [standard deviations]. `free`: value of R without a bound if
+    # neither estimate is fixed; values above 0 are replaced by 0.
     rows: list[Row] = []
     for rho in CORRELATIONS:
         free = np.minimum(rho * other - np.sqrt(max(1 - rho**2, 1e-12)) * below, 0.0)
@@ -57,7 +58,7 @@ def critical_values() -> list[Row]:
 
 
 def correlated(n: int) -> list[Row]:
-    """Return, for each noise, the correlation of each parameter (α, f, F and s2) with R."""
+    """Return, for each noise, the correlation of each parameter (see `correlations`) with R."""
     noises = [(alpha, -part * 2**alpha) for alpha in ORDERS for part in FEEDBACKS]
     return [
         {"samples": n, "parameter": name, "correlation": correlation}
@@ -68,6 +69,8 @@ def correlated(n: int) -> list[Row]:
 
 def correlations(alpha: float, g: float, n: int) -> dict[str, float]:
     """Return the correlations of α, f, F and s2 with R at R = 0, by the Fisher information of n samples.
+
+    R is the variance of the white noise.
 
     g = h^α f, where h is the sampling period; F = g + α; s2 is the variance of the steps of the state.
     """

@@ -49,8 +49,8 @@ NOISES = (
     *((0.3, -0.01, 0.05), (0.5, -0.02, 0.02), (0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5)),
     *((0.9, -0.01, 0.01), (0.7, -0.03, 0.1), (0.2, -0.02, 0.3), (1.0, -0.01, 0.05), (0.5, -0.005, 0.2)),
 )
-"""For each noise: α, g = h^α f (h: sampling period), and the share of the fractional state's steps in the sum
-of their variance and that of the white noise.
+"""For each noise: α, g = h^α f (h: sampling period), and s2 / (s2 + R), where s2 is the variance of the steps
+of the fractional state, and R that of the white noise.
 """
 FITTED = (60_000, 1_000_000)
 

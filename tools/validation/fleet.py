@@ -28,7 +28,7 @@ from tools.validation.tables import Table, number
 SEEDS, QUICK_SEEDS = 400, 20
 """Number of records of each noise in a full and in a quick run."""
 FLEETS = 100
-"""Number of fleets drawn from these records."""
+"""Number of fleets (groups of sensors) that are drawn at random from the simulated sensors."""
 SAMPLES = 100_000
 DIFFER = (0.0, 0.03)
 SIZES = (20, 100)
@@ -48,8 +48,8 @@ is multiplied.
 def tasks(options: Options) -> list[Task]:
     """Return the tasks, which fit records of simulated noise.
 
-    Some tasks fit records of one length. Others, which --quick leaves out, fit growing records at all
-    comparisons of a day.
+    Some tasks fit records of one length. Others, which --quick leaves out, fit records that grow to a day, at
+    each time at which the sensors of a fleet are compared.
     """
     grown = FIRST * GROWTH ** np.arange(math.ceil(math.log(DAY / FIRST, GROWTH)))
     day = [*np.round(grown).astype(int).tolist(), DAY]
@@ -105,14 +105,16 @@ def _shares(shares: dict[str, float]) -> tuple[str, ...]:
 def share_of_fleets(
     pool: list[Fits], rate_hz: float, sensors: int, differ: float, count: int, *, ages: bool = False
 ) -> dict[str, float]:
-    """Return the proportion of fleets in which at least one sensor is ever called odd.
+    """Return the proportion of fleets in which at least one sensor is called odd, at any time.
 
-    The result has one proportion for each figure by which a sensor is called odd, and one for all figures
-    together (`any`). `comparison` is the proportion of comparisons, not of fleets, in which at least one
-    sensor is called odd. `ages`: whether each sensor has been on for a different time; there is then one
-    comparison. Otherwise all sensors began at the same time, and are compared again and again while their
-    records grow. Fits change little from one of these comparisons to the next, so an odd result would be
-    repeated. Therefore a single odd result already is an alert.
+    A sensor is odd if one of its figures, such as N, differs from those of the others. The result has one
+    proportion for each figure, and one for all figures together (`any`). `comparison` is the proportion of
+    comparisons, not of fleets, in which at least one sensor is called odd.
+
+    `ages`: if true, each sensor has been on for a different time, and the sensors are compared once. If
+    false, all sensors began at the same time, and are compared again and again while their records grow. Fits
+    change little from one comparison to the next, so an odd result would be repeated: a single one counts as
+    an alert.
     """
     rng = np.random.default_rng(sensors)
     figures = [_all_figures(comparisons, rate_hz) for comparisons in pool]

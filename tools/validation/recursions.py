@@ -65,7 +65,9 @@ def convolved(e: Array, response: Array, n: int) -> Array:
 
 
 class FractionalState:
-    """Draws samples of the state of order α and g = h^α f (h: sampling period), with steps of variance 1.
+    """Draws samples of the state D^α x = f x + ω of order α, with steps of variance 1.
+
+    g = h^α f, where h is the sampling period.
 
     Each sample x depends on at least `PAST` steps before it, so the series is stationary from the first
     sample.

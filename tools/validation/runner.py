@@ -16,7 +16,7 @@ Row = dict[str, Any]
 
 
 class Options(NamedTuple):
-    """Which of a part's tasks are run."""
+    """Which tasks of a part of `make validate` are run."""
 
     seeds: int
     """Number of series, records or axes of each kind. Each part decides which of these it counts."""

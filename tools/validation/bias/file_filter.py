@@ -42,12 +42,13 @@ def tasks(options: Options) -> list[Task]:
 
 
 def navigate(noise: str, first: int, futures: int) -> list[Row]:
-    """Identify the recording of a sensor and integrate its rates with the file's filter.
+    """Identify a simulated recording, and predict headings with the filter from `fltea identify`'s file.
 
     Return one row for each axis.
 
     A row's `squares` has, for each way to start the filter, the mean of (heading error / σ)² at each of
-    TIMES_S. It is None if the file lacks the figures that this way needs.
+    TIMES_S. It is None if the file that `fltea identify --gauss-markov` wrote lacks the figures that this way
+    needs.
     """
     axes = lanes(SECTION, noise, range(first, first + AXES))
     y, _ = drawn(axes, REST)

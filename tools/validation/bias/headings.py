@@ -42,9 +42,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def forecast(noise: str, first: int, futures: int) -> list[Row]:
-    """Predict the headings of a sensor's axes.
+    """Predict the headings of a sensor's axes after a recording at rest.
 
-    Return one row for each axis with the errors over all continuations.
+    Each recording is continued `futures` times at random. Return one row for each axis, with the errors of
+    the prediction over all these continuations.
     """
     rows: list[Row] = []
     axes = lanes(SECTION, noise, range(first, first + AXES))

@@ -23,8 +23,7 @@ SECTIONS: dict[str, ModuleType] = {
 def tasks(options: Options) -> list[Task]:
     """Return the tasks of all sections.
 
-    Raises:
-        UsageError: a peer is not installed; says what installs it.
+    Raises: UsageError: a peer (a program that is compared with) is not installed; says what installs it.
     """
     need_peers()
     whole = options._replace(seeds=-(-options.seeds // AXES) * AXES)

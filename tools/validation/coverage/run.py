@@ -27,7 +27,7 @@ gets a forecast, since a forecast takes longer.
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return a task for each population."""
+    """Return a task for each population (a kind of noise with random parameters)."""
     return [
         Task(name, count, (name, options.seeds), one.longest)
         for name, one in POPULATIONS.items()
@@ -76,7 +76,7 @@ def _axis(population: Population, rng: np.random.Generator, number: int) -> list
 def tables(rows: list[Row]) -> list[Table | str]:
     """Return tables of how often each quantity's interval contains the true value.
 
-    The first table is over all populations, the second for each population.
+    The first table is over all populations (kinds of noise) together, the second has each by itself.
     """
     whole = [
         (str(quantity), *_cells(those))

@@ -103,8 +103,8 @@ class ExactSeries:
         """
         rows = np.empty((4, len(self._counts)))
         self._fits.slopes(self._codes, [0.0, *theta], np.empty(len(self._counts)), rows)
-        # A change of the scale changes log R and log s2 alike, so the scale's row is the sum of the rows of
-        # both.
+        # Each row has the derivatives of the log spectrum with respect to one parameter. A change of the
+        # scale changes log R and log s2 alike, so its row is the sum of the rows of both.
         rows[0] += rows[3]
         whole = (rows * self._counts) @ rows.T
         rest = whole[1:, 1:] - np.outer(whole[1:, 0], whole[0, 1:]) / whole[0, 0]

@@ -22,8 +22,8 @@ AVERAGED = 64
 of the spectrum's value, since the spectrum has a cusp at 0.
 """
 POINTS, POWER = 48, 6
-"""Number of Gauss–Legendre points u for each of these averages. In the lowest bin, the frequency λ is
-proportional to u^POWER, so that the points are dense near 0.
+"""POINTS: number of Gauss–Legendre points u from which the mean of the spectrum over one bin is computed. In
+the lowest bin, the frequency λ is proportional to u^POWER, so that the points are dense near 0.
 """
 
 
@@ -124,7 +124,11 @@ def _middles() -> Array:
 
 
 def _averaged() -> tuple[Array, Array]:
-    """Return the points in each of the lowest AVERAGED bins, and their weights in the bin's average."""
+    """Return the frequencies at which the spectrum is computed in each of the lowest bins, and weights.
+
+    The mean over a bin is the sum of the spectrum at these frequencies, multiplied by the weights. The shapes
+    are (AVERAGED, POINTS).
+    """
     u, weight = np.polynomial.legendre.leggauss(POINTS)
     u, weight = (u + 1) / 2, weight / 2
     inside, weights = np.tile(u, (AVERAGED, 1)), np.tile(weight, (AVERAGED, 1))

@@ -78,9 +78,11 @@ def draw(rows: list[Row]) -> dict[str, bytes]:
 
 
 def shown(scores: DataFrame) -> DataFrame:
-    """Return the scores of noises with an order, with the relative error of f.
+    """Return the scores of the noises with an order, and add the column `error_of_f`.
 
-    If at least half of the series have no estimate, the score is NaN.
+    It is the median error of f divided by |f|.
+
+    If at least half of the series of a noise have no estimate, the shown scores are NaN.
     """
     found = scores[scores.alpha.notna()].assign(error_of_f=lambda some: some.median_error / some.f.abs())
     columns = [one.column for one in MAPS.values()]
@@ -120,7 +122,11 @@ def _grid_map(scores: DataFrame, one: Map) -> bytes:
 
 
 def _live_lines(scores: DataFrame) -> bytes:
-    """Draw the median error of α over the noises of each s2/R, in one panel for each record length."""
+    """Draw the error of α against s2/R, in one panel for each record length.
+
+    s2 is the variance of the steps of the fractional state, and R that of the white noise. The error is the
+    median, over all noises with this ratio, of the root mean square error.
+    """
     found = medians(scores)
     ratios, lengths = list(found.columns), scores.samples.unique()
     figure = new_figure(2.6 + 2.7 * len(lengths), 3.6)

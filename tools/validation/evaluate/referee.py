@@ -26,7 +26,8 @@ CASES: tuple[Case, ...] = (
 def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Row]:
     """Fit every series three times.
 
-    The fits use the exact likelihood, Whittle's likelihood of the whole record, and the sums of the live fit.
+    The first fit uses the exact likelihood, the second Whittle's likelihood of the whole record. The third is
+    the live fit: Whittle's likelihood of the sums that the daemon keeps in place of the record.
 
     A series counts for the errors of α and for the intervals that contain the true α only if both of
     Whittle's fits give an order.

@@ -27,20 +27,22 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table
 
 SEEDS, QUICK_SEEDS = 20, 10
-"""Number of series of each noise. If a quick run had fewer series, a figure would only be called right if all
-its intervals contained the true value.
+"""Number of series of each noise in a full and in a quick run. A figure is called right if at least 90 % of
+its intervals contain the true value. With fewer than ten series, no interval could miss it.
 """
 FITS_TO_FILTERS = 4
 """Number of series that are fitted, divided by the number that are filtered. It is above 1 because a fit
-takes less time than a filter, and a ratio of errors needs more series than an error.
+takes less time than a filter. Also, the tables show ratios of the errors of two fits, and a ratio needs more
+series than the error of a filter.
 """
 MIXED_TO_FILTERS, CLAIMS_TO_FILTERS = 10, 15
-"""MIXED_TO_FILTERS: number of series of each composite noise. CLAIMS_TO_FILTERS: number of mixtures of each
-length. Both are divided by the number of series that are filtered.
+"""Two ratios to the number of series that are filtered. MIXED_TO_FILTERS: of the number of series of each
+composite noise. CLAIMS_TO_FILTERS: of the number of mixtures of each length, on which false claims of an
+order are counted.
 """
 COVERAGE_TO_FILTERS = 50
-"""Number of series for the coverage of intervals, divided by the number of filtered series. It is the largest
-of these ratios, since a proportion near 95 % can only be measured on many series.
+"""Number of series for the coverage of intervals, divided by the number of filtered series. It is large,
+since a proportion near 95 % can only be measured on many series.
 """
 
 
@@ -78,7 +80,8 @@ class Plan(NamedTuple):
 def plan_of(seeds: int, *, quick: bool = False) -> Plan:
     """Return the plan of what to evaluate.
 
-    The plan of a quick run has five noises of up to 20,000 samples, and the changed settings on two of them.
+    The plan of a quick run has five noises of up to 20,000 samples. On two of them, filters with changed
+    settings (`settings.CHANGES`) are evaluated as well.
     """
     plan = Plan(seeds, FITS_TO_FILTERS * seeds, COVERAGE_TO_FILTERS * seeds)
     if not quick:
@@ -153,7 +156,11 @@ def filters_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
 def changed_case(
     case: Case, seeds: int, lengths: Sequence[int], filters: Sequence[Setting], fitted_samples: int
 ) -> list[Row]:
-    """Score filters with changed settings. `fitted_samples`: as in `Plan`, for settings with `fitted`."""
+    """Score filters with changed settings.
+
+    `fitted_samples`: number of samples of a separate record, from whose fit some of the filters get their Q
+    and R.
+    """
     y = cases.samples(case, seeds, lengths[-1])
     return _filter_rows("changes", case, _readings(case, y, filters, lengths, fitted_samples), lengths)
 
@@ -223,7 +230,10 @@ def _filter_rows(
 def _readings(
     case: Case, y: Array, filters: Sequence[Setting], lengths: Sequence[int], fitted_samples: int
 ) -> dict[str, list[Reading]]:
-    """Run the filters on y (n, seeds). Return the readings of each filter by its name."""
+    """Run the filters on y (n, seeds). Return the estimates of each filter by its name.
+
+    A filter has one `Reading` for each record length.
+    """
     noise, seeds = case.noise, y.shape[1]
     default_Q = filters[0].config.state.Q
     # White noise has no state and so no true Q. The filters therefore keep their default Q.

@@ -51,7 +51,7 @@ MAIN: tuple[Setting, ...] = (
 """Settings that are run on the whole grid of noises."""
 
 TUNED: dict[str, EstimatorConfig] = {"triple, tuned live": _TRIPLE, "joint, tuned live": _JOINT}
-"""Settings that are run on the whole grid, with Q and R from the live fit (module `tuned`)."""
+"""Settings that are run on the whole grid of noises, with Q and R from the live fit (module `tuned`)."""
 
 CHANGES: tuple[Setting, ...] = (
     Setting("joint, as it is", _JOINT),
@@ -102,4 +102,4 @@ CHANGED_ON: tuple[Case, ...] = (
     Case(0.8, -1.0, 0.03),
     Case(0.8, -10.0, 3.0),
 )
-"""The noises on which the changed settings are run."""
+"""The noises on which the settings in CHANGES are run."""

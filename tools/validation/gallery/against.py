@@ -15,7 +15,7 @@ CELL = ("noise", "rate_hz", "duration_s", "record")
 
 
 def change(before: Row, after: Row) -> str:
-    """Return how the verdicts of a cell changed: one of `CHANGES`."""
+    """Return how the verdict on one record changed between two runs: one of `CHANGES`."""
     gain = RANK[after["outcome"]] - RANK[before["outcome"]]
     if gain:
         return "better" if gain > 0 else "worse"
@@ -23,7 +23,7 @@ def change(before: Row, after: Row) -> str:
 
 
 def tables(before: list[Row], after: list[Row]) -> list[Table | str]:
-    """Return the number of changes of each kind as text, and a table of the changed cells.
+    """Compare two runs: return the number of changes as text, and a table of changed verdicts.
 
     Another text says how often α's interval contains the true α.
     """

@@ -20,8 +20,8 @@ Family = Callable[[Array, Array], Array]
 parameters, of shape (k, count), and the frequencies λ (bins,). The spectra have the shape (count, bins).
 """
 Nearest = Callable[["Bins"], float]
-"""Function that returns the smallest shortfall in 2 log L of one family of models, for a record with the
-given bins.
+"""Function that returns how far 2 log L of the best model of one family stays below that of the truth, for a
+record with the given bins.
 """
 
 BINS = 160
@@ -90,7 +90,9 @@ def shortfall(bins: Bins, models: Array) -> Array:
 
 
 def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
-    """Return the smallest shortfall in 2 log L of a family, with parameters within `box`.
+    """Return how far 2 log L of the best model of a family stays below that of the truth.
+
+    `box`: the range of each parameter.
 
     Searches begin at the best points and at local minima of a grid.
     """
@@ -176,44 +178,49 @@ ORDERS, RATES, WHITE, RISES = (0.15, 0.85), (-9.0, 0.5), (-14.0, 10.0), ((-10.0,
 CORNERS, SIZES, WALKS = (-7.0, 2.0), (-8.0, 10.0), (-14.0, 14.0)
 
 state = _nearest(_state, ORDERS, RATES, WHITE)
-"""Smallest shortfall in 2 log L, behind the truth, of the state D^α x = f x + ω, with an order of 0.15 to
-0.85, in white noise.
+"""Returns how far 2 log L of the best model stays below that of the truth. The models: D^α x = f x + ω, with
+an order of 0.15 to 0.85, in white noise.
 """
 arfima = _nearest(_arfima, ORDERS, (-7.0, 1.5), WHITE)
-"""Smallest shortfall in 2 log L, behind the truth, of ARFIMA(1, d, 0), with an order d of 0.15 to 0.85, in
-white noise.
+"""Returns how far 2 log L of the best model stays below that of the truth. The models: ARFIMA(1, d, 0), with
+an order d of 0.15 to 0.85, in white noise.
 """
 order_and_rise = _nearest(
     lambda p, lam: _state(p, lam) + _rise(p[3], p[4], lam), ORDERS, RATES, WHITE, *RISES
 )
-"""Smallest shortfall in 2 log L, behind the truth, of the state D^α x = f x + ω plus noise whose density
-rises with at most the 4th power of frequency, in white noise.
+"""Returns how far 2 log L of the best model stays below that of the truth. The models: D^α x = f x + ω plus
+noise whose density rises with at most the 4th power of frequency, in white noise.
 """
 high_passed_order = _nearest(_high_passed_order, ORDERS, RATES, WHITE, CORNERS, (1.0, 3.0))
-"""Smallest shortfall in 2 log L, behind the truth, of the state D^α x = f x + ω in white noise, after a
-high-pass of one to three poles.
+"""Returns how far 2 log L of the best model stays below that of the truth. The models: D^α x = f x + ω in
+white noise, after a high-pass of one to three poles.
 """
 one_relaxation = _nearest(lambda p, lam: _with_floor(_scaled(_ar1(p[0], lam)), p[1]), CORNERS, SIZES)
-"""Smallest shortfall in 2 log L, behind the truth, of AR(1) in white noise."""
+"""Returns how far 2 log L of the best model stays below that of the truth. The models: AR(1) in white noise.
+"""
 walk = _nearest(_walk, WALKS)
-"""Smallest shortfall in 2 log L, behind the truth, of a random walk in white noise."""
+"""Returns how far 2 log L of the best model stays below that of the truth. The models: a random walk in white
+noise.
+"""
 walk_and_rise = _nearest(lambda p, lam: _walk(p, lam) + _rise(p[1], p[2], lam), WALKS, *RISES)
-"""Smallest shortfall in 2 log L, behind the truth, of a random walk plus noise whose density rises with at
-most the 4th power of frequency, in white noise.
+"""Returns how far 2 log L of the best model stays below that of the truth. The models: a random walk plus
+noise whose density rises with at most the 4th power of frequency, in white noise.
 """
 walk_and_relaxation = _nearest(_walk_and_relaxation, WALKS, CORNERS, SIZES)
-"""Smallest shortfall in 2 log L, behind the truth, of a random walk and one relaxation, in white noise."""
+"""Returns how far 2 log L of the best model stays below that of the truth. The models: a random walk and one
+relaxation, in white noise.
+"""
 low_pass = _nearest(_low_pass, (-5.0, 1.2), (1.0, 8.0), (-12.0, FLOOR))
-"""Smallest shortfall in 2 log L, behind the truth, of white noise after a low-pass of one to eight poles,
-with almost no white noise added.
+"""Returns how far 2 log L of the best model stays below that of the truth. The models: white noise after a
+low-pass of one to eight poles, plus a little white noise that does not pass the filter.
 """
 rising = _nearest(
     lambda p, lam: _with_floor((2 * np.sin(lam / 2)) ** (2 * p[0][:, np.newaxis]), p[1]),
     (0.0, 2.0),
     (-6.0, 6.0),
 )
-"""Smallest shortfall in 2 log L, behind the truth, of noise whose density rises with at most the 4th power of
-frequency, in white noise.
+"""Returns how far 2 log L of the best model stays below that of the truth. The models: noise whose density
+rises with at most the 4th power of frequency, in white noise.
 """
 
 
@@ -223,12 +230,15 @@ def white(bins: Bins) -> float:
 
 
 def order(bins: Bins) -> float:
-    """Return the smallest shortfall in 2 log L of a model with a fractional order: the state or ARFIMA."""
+    """Return how far 2 log L of the best model with a fractional order stays below that of the truth.
+
+    The models are the fractional state (`state`) and ARFIMA.
+    """
     return min(state(bins), arfima(bins))
 
 
 def without_order(bins: Bins) -> float:
-    """Return the smallest shortfall in 2 log L of a sum of parts without an order.
+    """Return how far 2 log L of the best sum of parts without an order stays below that of the truth.
 
     The parts are six relaxations (first-order Gauss-Markov processes), one relaxation that alternates in
     sign, a random walk, quantisation and white noise. The parts can have any sizes. Each search starts with
@@ -240,7 +250,7 @@ def without_order(bins: Bins) -> float:
 
 
 def _mixed(bins: Bins, log_corners: Array) -> float:
-    """Return the smallest shortfall in 2 log L of a sum of parts without an order, from one starting point.
+    """Search the best sum of parts without an order, from one starting point; see `without_order`.
 
     `log_corners`: logarithms of the relaxations' corners at the start of the search.
     """
@@ -252,7 +262,10 @@ def _mixed(bins: Bins, log_corners: Array) -> float:
     poles = len(halves)
 
     def behind(p: Array) -> tuple[float, Array]:
-        """Return the shortfall and its derivatives with respect to the logarithms of corners and sizes."""
+        """Return how far the model's 2 log L is below the truth's, and the derivatives of this.
+
+        The derivatives are those with respect to the logarithms of corners and sizes.
+        """
         corner = np.exp(p[:poles, np.newaxis])
         pole, rest = np.exp(-corner), -np.expm1(-corner)
         below = rest**2 + pole * halves
@@ -266,7 +279,8 @@ def _mixed(bins: Bins, log_corners: Array) -> float:
 
     level = np.log(np.median(bins.truth) / (RELAXATIONS + 1))
     sizes = np.full(poles + len(fixed), level)
-    # At the start of the search, the mirrored relaxation, the random walk and the rising part are small.
+    # At the start of the search, three parts are small: the relaxation that alternates in sign, the random
+    # walk, and the quantisation, whose density rises with frequency.
     sizes[-len(fixed) - 1 : -1] = level - 5
     sizes[-len(fixed)] += 2 * np.log(bins.lam[0])
     start = np.concatenate([log_corners, [0.0], sizes])

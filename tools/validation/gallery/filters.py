@@ -177,8 +177,9 @@ class Held(NamedTuple):
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """Return the density at the frequencies `lam` [rad per sample].
 
-        The density is the mean over the readings of a cycle. It is 1 + 2 Σ p cos(lag λ), where p is the
-        proportion of readings whose value is the same `lag` readings later.
+        Which readings repeat a value is periodic: the density is the mean over the readings of one period
+        (`pattern`). It is 1 + 2 Σ p cos(lag λ), where p is the proportion of readings whose value is the same
+        `lag` readings later.
         """
         count = len(self.pattern)
         at = np.concatenate([self.pattern, np.array(self.pattern) + self.fresh])

@@ -161,8 +161,8 @@ class Noise(NamedTuple):
     such problem.
     """
     spread: float | None = None
-    """Variance of the white noise that the treatment adds, if the parts together have the variance 1. None if
-    the treatment adds no white noise.
+    """Variance of the white noise that `treatment`, such as rounding, adds to the samples, if the parts
+    together have the variance 1. None if it adds no white noise.
     """
     accepted: Accepted | None = None
 

@@ -71,7 +71,7 @@ def _filtered(name: str, words: str, low_pass: LowPass, *behind: Part, drift: Dr
 
 
 def _flicker_before(name: str, words: str, low_pass: LowPass) -> Noise:
-    """Return 1/f noise with its corner at 1 Hz, as a sum of relaxations, which passes a filter."""
+    """Return white noise and 1/f noise below 1 Hz (a sum of relaxations), after a filter."""
     words = f"white noise plus 1/f noise below 1 Hz ({A_DECADE} relaxations a decade), after {words}"
     part = Through(low_pass, ladder(1e-4, 2 * low_pass.hz, A_DECADE, 1.0))
     return Noise(name, words, "filtered order", (part,))

@@ -67,7 +67,7 @@ class Telegraph(NamedTuple):
     size: float
 
     def _changes(self, rate_hz: float) -> float:
-        """Return the probability of a change in one sample."""
+        """Return the probability that the sign changes from one sample to the next."""
         return -math.expm1(-1 / (self.stay_s * rate_hz))
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
@@ -129,9 +129,9 @@ def ladder(low_hz: float, high_hz: float, a_decade: float, corner_hz: float) -> 
     `corner_hz`: frequency at which the 1/f noise has the same density as the white noise.
     """
     count = round(math.log10(high_hz / low_hz) * a_decade) + 1
-    # If a relaxation with the corner c has the height level / c, the density of the sum over all corners is
-    # about level · a_decade / ln 10 · π / (2 f) at frequency f. `level` makes this density 1, like that of
-    # the white noise, at f = corner_hz.
+    # Each relaxation with corner c gets the density level / c at frequency 0. With `a_decade` relaxations per
+    # decade, the density of their sum at frequency f is then about level · a_decade / ln 10 · π / (2 f).
+    # `level` is chosen so that this is 1, the density of the white noise, at f = corner_hz.
     level = corner_hz * math.log(10) / (a_decade * math.pi / 2)
     return tuple(
         Relaxation(corner, level / corner) for corner in np.geomspace(low_hz, high_hz, count).tolist()

@@ -28,7 +28,7 @@ UNSEEN = 2.0
 below this value.
 """
 LUCK = 2.0
-"""Chance may change a difference of 2 log L by this many standard deviations: 2 √(expected difference)."""
+"""Chance may change a difference of 2 log L by LUCK standard deviations of 2 √(expected difference)."""
 MORE = 13.0
 """By chance, 2 log L of a sum of parts without an order may be larger by this much than 2 log L of an order.
 The reason is that the sum has more parameters.
@@ -66,7 +66,7 @@ class Right(NamedTuple):
     """Accepted verdicts, each with the reason."""
 
     def outcome(self, kind: VerdictKind) -> str:
-        """Return whether the verdict `kind` is `right` or `wrong`, or `cannot be told` if it is accepted."""
+        """Return `right`, `wrong`, or `cannot be told` if the verdict `kind` is accepted, but not right."""
         if kind in self.right:
             return "right"
         return "cannot be told" if kind in self.accepted else "wrong"
@@ -91,7 +91,7 @@ class _Notes:
 
 
 def distinguishable(short: float, needed: float) -> bool:
-    """Return whether a difference in 2 log L exceeds `needed` even with bad luck.
+    """Return whether a difference in 2 log L exceeds `needed` even if chance reduces it as far as LUCK says.
 
     `short`: expected value of the difference.
     """
@@ -107,8 +107,8 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
     if not seen:
         _nearly_white(notes, noise, bins, rate_hz, n, short)
     if noise.truth != "white" and short < UNSEEN:
-        # The true model is right. Other models, too, look white at these frequencies, but to claim one of
-        # them is wrong.
+        # The verdict that names the true model is right. A verdict that names another model is wrong,
+        # although that model, too, looks white at these frequencies.
         notes.right.add(_RULES[noise.truth][0])
     elif noise.truth != "white":
         notes.right.add(_RULES[noise.truth][0])

@@ -14,9 +14,8 @@ def count(population: str, samples: int, first: int, series: int, seed: int) -> 
     """Return a row for each of `series` noises from number `first` on, with odds and verdict.
 
     `lead`: how much better, by BIC, the best model with an order is than the best model without one.
-    `over_rich`: how much larger 2 log L of that best model is than that of the model without an order that
-    has the most parameters. `lead` and `over_rich` are None if the search found no model that looks like an
-    order.
+    `over_rich`: 2 log L of the best model with an order, minus that of the model without an order that has
+    the most parameters. `lead` and `over_rich` are None if the search found no model with an order.
     """
     rows: list[Row] = []
     for number in range(first, first + series):

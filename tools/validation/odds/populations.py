@@ -43,7 +43,11 @@ Draw = Callable[[np.random.Generator, int], tuple[Part, ...]]
 
 
 def order(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
-    """Return noise of fractional order in white noise. F = g + α may be positive or negative."""
+    """Return noise of fractional order in white noise.
+
+    F = g + α, the step from one sample to the next, may be positive or negative; g = h^α f, where h is the
+    sampling period.
+    """
     alpha = float(rng.uniform(*ORDERS))
     g = float(rng.uniform(LEAST_F, alpha)) - alpha
     ratio = float(10 ** rng.uniform(*STEP_RATIOS))
