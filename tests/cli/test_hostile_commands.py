@@ -321,10 +321,10 @@ REFUSED = {
     "its lock": ([*FAST, "--pace", "fast", "-s", "synthetic:?n=60", "--state", "state"], ".state.lock"),
     "--history": ([*BASES["fleet"], "--history", "fleet.db"], "fleet.db"),
 }
-"""Maps each option that names a written file to a command, and to the name at which a test puts a pipe or a
-link.
+"""REPLACED and REFUSED map each option that names a written file to a command, and to the name at which a
+test puts a pipe or a link.
 
-The command replaces a link at a name in `REPLACED` by the file, and refuses a link at a name in `REFUSED`.
+The command replaces a link at a name in REPLACED by the file, and refuses a link at a name in REFUSED.
 """
 
 

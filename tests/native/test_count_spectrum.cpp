@@ -277,8 +277,8 @@ TEST_CASE("count spectrum: values are the counts, to the ends of what a sensor s
 }
 
 TEST_CASE("count spectrum: a board that was turned far leaves no coarse unit behind") {
-    // The sensor turns, but its rate changes so slowly that the detector of motion (`Gate`) finds neither a
-    // knock nor a step. After that, the sensor rests.
+    // The sensor turns, but its rate changes so slowly that the gate, which leaves out disturbed samples,
+    // finds neither a knock nor a step. After that, the sensor rests.
     Noise random(11);
     std::unique_ptr<Pair> pair(new Pair);
     const int turned = 40000;

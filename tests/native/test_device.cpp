@@ -120,10 +120,11 @@ TEST_CASE("device: what does not follow is not believed") {
         {1, 655'370'000, 655'370 * kMs, false},  // this sample does not follow directly: one is missing
         // this sample follows directly: its delay by the device's clock is the largest allowed
         {0, 655'350'000 + 20'200, 655'360 * kMs, true},
-        {0, 655'350'000 + 20'201, 655'360 * kMs, false},  // 1 us later, it does not follow directly
+        // one more us of delay by the device's clock: it does not follow
+        {0, 655'350'000 + 20'201, 655'360 * kMs, false},
         // this sample follows directly: its delay by the host's clock is the largest allowed
         {0, 655'360'000, 655'360 * kMs + 300'000 * kMs, true},
-        // with one more ns of delay by the host's clock, this sample does not follow directly
+        // one more ns of delay by the host's clock: this sample does not follow directly
         {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},
     };
     for (const auto& other : others)

@@ -14,8 +14,8 @@ namespace {
 
 typedef TimeScales<6> Scales;
 
-// Compares the running sums with the definition of the variance at scale s. It is computed from the
-// differences between the sums of neighbouring groups of 2^s figures.
+// Compares the running sums with the definition of the variance at scale s. By definition, this variance
+// follows from the differences between the sums of neighbouring groups of 2^s figures.
 void check(const Scales& scales, const std::vector<float>& figures) {
     for (int s = 0; s < Scales::size(); ++s) {
         const std::size_t run = std::size_t(1) << s, pairs = figures.size() / (2 * run);

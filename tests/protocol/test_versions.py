@@ -30,8 +30,9 @@ doc = "what boards of before do not know"
 NEXT = protocol_definition.load(
     DEFINITION.replace(f"minor = {PROTOCOL.minor}", f"minor = {MINOR}")
     .replace("# ----", ADDED_FIELD + "# ----", 3)
-    # A line `# ----` stands before each of the first messages, so a field put before the line belongs to the
-    # message above. Above the first line there is no message, so the field is removed there.
+    # In messages.toml, a line `# ----` stands before each of the first messages, so a field put before the
+    # line belongs to the message above. Above the first line there is no message, so the field is removed
+    # there.
     .replace(ADDED_FIELD, "", 1)
     .replace(
         "data_ready = { value = 1",

@@ -32,7 +32,7 @@ class BoardFit(NamedTuple):
 
 
 def board_quantile(level: int, ordinates: float) -> float:
-    """Return the limit of the board's null test (whether white noise describes the samples as well).
+    """Return the limit of the board's null test, which asks whether white noise alone describes the samples.
 
     `level`: the significance level: 0 means 5 %, 1 means 1 %, 2 means 0.1 %.
     """

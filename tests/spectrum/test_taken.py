@@ -1,4 +1,4 @@
-"""What each part of the grammar takes from the others is counted.
+"""Counts in how many noises each part of a noise model is found in place of other, true parts.
 
 A new part may describe noises that are made of other parts, with fewer parameters than these. Then a search
 finds it in their place, and the verdict names it. Some noises of any kind are taken for another one by

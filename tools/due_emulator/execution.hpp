@@ -34,8 +34,8 @@ struct QuickReads {
 struct Block {
     uint16_t bytes;
     uint16_t instructions;
-    // Bit i is 1 if an access by register i has to be aligned. If register i holds no multiple of 4, the
-    // exact processor, which checks each access, must run this block instead of the fast one.
+    // Bit i is 1 if the block needs a multiple of 4 in register i, as the address of an aligned access. If
+    // the register holds no multiple of 4, the exact processor, which checks each access, runs the block.
     uint16_t aligned;
     uint8_t needs_exact;
 };

@@ -81,7 +81,7 @@ class AddressNeeds {
         for (unsigned i = 0; i < 16; ++i) from_[i] = i;
     }
 
-    // Processes the next instruction of the block.
+    // Notes how the next instruction of the block changes what is known of the registers.
     void follow(uint64_t address, uint16_t h1, uint16_t h2) {
         const Need need = need_of(h1, h2);
         if (need.refusal == kNotOfM3) unknown_ = true;
@@ -138,8 +138,8 @@ class AddressNeeds {
         become(to, value);
     }
 
-    // Processes an instruction of 16 bits: moves, shifts, additions, comparisons, loads and stores (ARMv7-M,
-    // A5.2).
+    // Notes what an instruction of 16 bits does to the registers: moves, shifts, additions, comparisons,
+    // loads and stores (ARMv7-M, A5.2).
     void follow_narrow(uint64_t address, uint16_t h) {
         const unsigned low = h & 7u, middle = h >> 3 & 7u, high = h >> 8 & 7u, wide = (h >> 4 & 8u) | low;
         const unsigned first = h >> 11;
@@ -211,8 +211,8 @@ class AddressNeeds {
         }
     }
 
-    // Processes a load or store of several words. A base register that is written back needs no action, since
-    // it changes by a multiple of 4.
+    // Notes the registers that a load or store of several words changes. A base register that is written back
+    // needs no action, since it changes by a multiple of 4.
     void follow_several(uint16_t h1, uint16_t h2) {
         const bool loads = h1 & 0x10;
         if (!(h1 & 0x40)) {
@@ -254,7 +254,7 @@ class AddressNeeds {
         if (loads) lose(to);
     }
 
-    // Processes ADD, SUB, MOV and similar instructions with a constant (ARMv7-M, A5.3.1, A5.3.3).
+    // Notes the result of ADD, SUB, MOV and similar instructions with a constant (ARMv7-M, A5.3.1, A5.3.3).
     void follow_immediate(uint16_t h1, uint16_t h2, unsigned base, unsigned to) {
         const bool plain = h1 & 0x200;
         const unsigned what = h1 >> 4 & 31u;

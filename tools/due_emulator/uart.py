@@ -200,7 +200,7 @@ class Transmitter(Peripheral):
             self._feed()
 
     def _is_amid_a_block(self) -> bool:
-        """Return whether this byte's end sets no flag, since the PDC has more bytes of the same block."""
+        """Return whether this byte's end sets no flag, since the DMA controller's block has more bytes."""
         r = self.registers
         return self._holding is not None and self._enabled and r["TCR"] > 1 and r["PTSR"] & PDC_TXTEN != 0
 

@@ -74,10 +74,9 @@ def tasks(options: Options) -> list[Task]:
 
 
 def axis(noise: str, samples: int, seed: int) -> list[Row]:
-    """Simulate an axis. Return, for each rule, how strict it may be.
+    """Simulate an axis; return the lowest significance level at which each rule ever rejects.
 
-    A rule is a test that can reject white noise. The result for a rule is the lowest significance level at
-    which it ever rejects white noise: at all lower levels, it never does.
+    A rule is a test that can reject white noise. At all levels below its result, it never rejects this axis.
     """
     rng = np.random.default_rng((seed, samples))
     draw: Draw = (lambda n: WHITE[noise](n, rng)) if noise in WHITE else _relaxations(POLES[noise], rng)
@@ -145,8 +144,7 @@ def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool
 def _claim(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
     """Return 0 if the noise is called fractional now, otherwise 1.
 
-    The result has the form of that of `_levels`: 0 stands for a rule that rejects white noise at every level,
-    and 1 for one that does not.
+    The result has the form of that of `_levels`: with 0, the rule rejects at every level, with 1 at none.
     """
     return {"fractional": 0.0 if decide(_evidence(sums, last_refit, taken)).kind == "fractional" else 1.0}
 

@@ -27,8 +27,8 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table
 
 SEEDS, QUICK_SEEDS = 20, 10
-"""Number of series of each noise in a full and in a quick run. A figure is called right if at least 90 % of
-its intervals contain the true value. With fewer than ten series, no interval could miss it.
+"""Number of series of each noise in a full and in a quick run. A figure is called right only if at least 90 %
+of its intervals contain the true value. With fewer than ten series, no interval could miss it.
 """
 FITS_TO_FILTERS = 4
 """Number of series that are fitted, divided by the number that are filtered. It is above 1 because a fit
@@ -74,7 +74,9 @@ class Plan(NamedTuple):
     mixed: tuple[str, ...] = tuple(composites.COMPOSITES)
     """Noises without an order for which the coverage of intervals is counted."""
     claimed: tuple[int, ...] = composites.LENGTHS
-    """Lengths of the mixtures. The mixtures have no order, so the verdict "fractional" is false for them."""
+    """Lengths of the mixtures (random relaxations, and white noise that rises with frequency). They have no
+    order, so the verdict "fractional" is false.
+    """
 
 
 def plan_of(seeds: int, *, quick: bool = False) -> Plan:

@@ -28,7 +28,8 @@ UNSEEN = 2.0
 below this value.
 """
 LUCK = 2.0
-"""Chance may change a difference of 2 log L by LUCK standard deviations of 2 √(expected difference)."""
+"""Chance may change a difference of 2 log L by LUCK times 2 √(expected difference), its standard deviation.
+"""
 MORE = 13.0
 """By chance, 2 log L of a sum of parts without an order may be larger by this much than 2 log L of an order.
 The reason is that the sum has more parameters.
