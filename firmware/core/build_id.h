@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "416ca8aa";
+constexpr char kBuildId[] = "dcca16fd";
 
 }  // namespace fltea

@@ -51,7 +51,7 @@ constexpr float kParameterF0 = 0.0f;
 // Forgetting factor of Robbins and Monro: how fast the variance Q of the random walk follows the innovations.
 // 0: Q stays Q0.
 constexpr float kParameterDelta = 0.5f;
-// Initial variance P of α and of β.
+// Initial variance P of α and of β = h^α f.
 constexpr float kJointP0 = 0.06f;
 // Initial variance Q of one step of α and of β, which walk at random.
 constexpr float kJointQ0 = 0.0f;

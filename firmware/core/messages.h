@@ -88,11 +88,11 @@ enum class EstimatorVariant : uint8_t {
 };
 
 enum class EstimatorGuard : uint8_t {
-    // no guard: the algorithm as the paper prints it
+    // no guard limits the numbers: the algorithm as the paper prints it
     off = 0,
     // the paper's algorithm, kept within bounds
     faithful = 1,
-    // as faithful, and with the variance of the state, which the paper's algorithm leaves out
+    // as the choice `faithful`, and with the variance of the state, which the paper's algorithm leaves out
     consistent = 2,
 };
 
@@ -101,10 +101,11 @@ enum class FitVerdict : uint8_t {
     none = 0,
     // white noise is not rejected at 5 %
     white = 1,
-    // white noise is rejected, and twice the log-likelihood of a relaxation is more than 6 below that of the
-    // fractional model
+    // white noise is rejected, and twice the log-likelihood of a relaxation (first-order process) is more
+    // than 6 below that of the fractional model
     fractional = 2,
-    // white noise is rejected, and a relaxation describes the noise no worse than the fractional model
+    // white noise is rejected, and a relaxation (first-order process) describes the noise no worse than the
+    // fractional model
     relaxation = 3,
 };
 
@@ -474,7 +475,7 @@ struct Estimator {
     float alpha_delta;
     // initial parameter: f for the variant triple, h^alpha f for the variant joint
     float parameter0;
-    // initial variance P of the parameter
+    // initial variance P of that parameter
     float parameter_p0;
     // initial variance of one step of the parameter's random walk
     float parameter_q0;

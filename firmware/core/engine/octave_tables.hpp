@@ -27,8 +27,9 @@ struct CosineTable {
     static std::int32_t window(int i) { return one / 2 - half_turn[i < 128 ? i : 256 - i] / 2; }
 };
 
-// 1 / (power gain of the filters before a level) at its spectral line lowest + i: for level 1, for level 2,
-// and for all deeper levels, whose gains differ by less than 2e-4.
+// over[..][i] is 1 / (power gain of the filters before a level) at the level's frequency with the index
+// `lowest` + i. The rows are for level 1, for level 2, and for all deeper levels, whose gains differ by less
+// than 2e-4.
 template <class Unused = void>
 struct OctaveGains {
     static constexpr int lines = 45;

@@ -73,7 +73,7 @@ class ParameterSettings(Table, frozen=True):
 class JointSettings(Table, frozen=True):
     """Settings of the joint filter of α and β = h^α f (h: the sampling period). Neither has a unit."""
 
-    P0: Annotated[float, _variance("Initial variance P of α and of β.")] = 0.06
+    P0: Annotated[float, _variance("Initial variance P of α and of β = h^α f.")] = 0.06
     Q0: Annotated[float, _variance("Initial variance Q of one step of α and of β, which walk at random.")] = (
         0.0
     )

@@ -58,4 +58,4 @@ ORDER_COEFFICIENTS = (
     (11.4116, 0.3189, 0.0000),
     (11.7154, 0.5949, 0.0000),
 )
-"""The same coefficients for a board's test, whose only alternative is an order in white noise."""
+"""COEFFICIENTS of the board's test, whose only alternative to white noise is an order in white noise."""

@@ -8,7 +8,8 @@ COEFFICIENTS = (
     (6.476, 0.216),
     (0.331, 2.567),
 )
-"""Coefficients of the log odds: constant, for the lead, and for the lead over the richest model.
+"""Coefficients of the log odds that a noise is of fractional order.
 
-Each pair is the value at the smallest number of ordinates, and its change per decade of ordinates.
+The three rows are the constant, the coefficient of the lead, and that of the lead over the richest model, as
+`order_odds` defines the leads. Each pair is the value at the smallest number of ordinates, and its change per decade of ordinates.
 """

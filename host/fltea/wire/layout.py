@@ -149,11 +149,12 @@ class EstimatorGuard(IntEnum):
     """Estimator guard."""
 
     OFF = 0
-    """No guard: the algorithm as the paper prints it."""
+    """No guard limits the numbers: the algorithm as the paper prints it."""
     FAITHFUL = 1
     """The paper's algorithm, kept within bounds."""
     CONSISTENT = 2
-    """As faithful, and with the variance of the state, which the paper's algorithm leaves out."""
+    """As the choice `faithful`, and with the variance of the state, which the paper's algorithm leaves
+    out."""
 
 
 class FitVerdict(IntEnum):
@@ -165,10 +166,11 @@ class FitVerdict(IntEnum):
     WHITE = 1
     """White noise is not rejected at 5 %."""
     FRACTIONAL = 2
-    """White noise is rejected, and twice the log-likelihood of a relaxation is more than 6 below that of the
-    fractional model."""
+    """White noise is rejected, and twice the log-likelihood of a relaxation (first-order process) is more
+    than 6 below that of the fractional model."""
     RELAXATION = 3
-    """White noise is rejected, and a relaxation describes the noise no worse than the fractional model."""
+    """White noise is rejected, and a relaxation (first-order process) describes the noise no worse than the
+    fractional model."""
 
 
 class SampleFlags(IntFlag):
@@ -487,7 +489,7 @@ class _EstimatorFields(NamedTuple):
     parameter0: float
     """Initial parameter: f for the variant triple, h^alpha f for the variant joint."""
     parameter_p0: float
-    """Initial variance P of the parameter."""
+    """Initial variance P of that parameter."""
     parameter_q0: float
     """Initial variance of one step of the parameter's random walk."""
     parameter_delta: float
