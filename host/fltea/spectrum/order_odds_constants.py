@@ -11,5 +11,6 @@ COEFFICIENTS = (
 """Coefficients of the log odds that a noise is of fractional order.
 
 The three rows are the constant, the coefficient of the lead, and that of the lead over the richest model, as
-`order_odds` defines the leads. Each pair is the value at the smallest number of ordinates, and its change per decade of ordinates.
+`order_odds` defines the leads. Each pair is the value at the smallest number of ordinates, and its change per
+decade of ordinates.
 """
