@@ -17,24 +17,24 @@ from numpy.typing import ArrayLike, NDArray
 from fltea.records.arrays import Array
 
 LOWEST = 4
-"""Number of the lowest ordinate that is used; its wave has this many periods in the record."""
+"""The lowest frequency that is used has this many periods in the record."""
 FEWEST = 64
 """A fit needs at least this many ordinates."""
 LONG, PARTS, AT_ONCE = 1 << 20, 16, 1 << 15
-"""If there are more samples than LONG, the last few samples are left out, so that the number of samples is a
-multiple of PARTS. The transform is then combined from PARTS smaller transforms, for AT_ONCE ordinates at a
-time.
+"""A record of more than LONG samples is transformed in PARTS parts, which saves memory. Its last few samples
+are left out, so that the number of samples is a multiple of PARTS. The transforms of the parts are combined
+for AT_ONCE ordinates at a time.
 """
 GROWTH = 0.03
-"""The width of a bin, divided by its frequency. With this width, a spectrum proportional to λ^-4 changes by
-12 % within a bin.
+"""The width of a bin is this proportion of the bin's frequency λ. So even a spectrum as steep as λ^-4 changes
+by only 12 % within a bin.
 """
 WIDEST = math.pi / 120
 """Largest width of a bin [rad a sample]. The width is limited so that peaks of this width can still be seen.
 """
 COARSER = 2.0
-"""Bins are wider by this factor if the ordinates have weights. The wider bins change the p-values of the null
-test by 2 % at most.
+"""Bins are wider by this factor if the values have weights, as those of a running spectrum. The wider bins
+change the p-values of the null test by 2 % at most.
 """
 
 
@@ -70,7 +70,7 @@ class Periodogram(NamedTuple):
             lam = self.lam[begin : begin + AT_ONCE]
             if self.weight is None:
                 hz = np.rint(lam * (self.n / (2 * np.pi))) / (self.n * self.h)
-            # only the frequencies of single ordinates are multiples of 1/(n h)
+            # averages over several ordinates lie at frequencies that are no multiples of 1/(n h)
             else:
                 hz = lam / (2 * np.pi * self.h)
             blocks.append(_kept(hz, from_hz, notch))
@@ -136,11 +136,11 @@ def periodogram(
 
 
 def _power_in_parts(y: Array) -> Array:
-    """Return the ordinates of `y` (n,) from number 0 to the last one below π. n is a multiple of PARTS.
+    """Return the power at each frequency 2πj/n below π, from j = 0 on. `y`: samples, (n,).
 
-    Each set of every PARTS-th sample is transformed separately, and the transforms are combined for a few
-    ordinates at a time. A single transform of the whole record would need four times the memory of y, in
-    addition to that of its result.
+    n is a multiple of PARTS. A part of the record is every PARTS-th sample. Each part is transformed
+    separately, and the transforms are combined for a few frequencies at a time. A single transform of the
+    whole record would need four times the memory of y, in addition to that of its result.
     """
     n, mean = len(y), y.mean()
     size = n // PARTS
@@ -207,7 +207,8 @@ def binned(p: Periodogram) -> Binned:
 def bin_starts(lam: Array, n: int, wider: float = 1.0) -> NDArray[np.intp]:
     """Return the index in `lam` at which each bin begins.
 
-    The edges of the bins depend only on n and `wider`, not on which ordinates are left out.
+    The edges of the bins do not depend on which ordinates are left out. `n`: number of samples. `wider`:
+    factor by which bins are wider than usual.
     """
     starts = np.minimum(np.searchsorted(lam, _edges(n, wider)), len(lam) - 1)
     others = np.ones(len(starts), dtype=np.bool_)

@@ -28,46 +28,50 @@ LARGE_SHARE = 0.05
 skirts.
 """
 LINE_LEAKS, RESONANCE_LEAKS = 2.0, 6.0
-"""LINE_LEAKS: a spectral line leaks into frequencies up to this factor higher or lower. RESONANCE_LEAKS: the
-skirts of a resonance reach frequencies up to this factor higher or lower.
+"""The power of a peak at the frequency f is expected between f / k and k f, which includes its leakage and
+skirts. The factor k is LINE_LEAKS for a spectral line, and RESONANCE_LEAKS for a resonance.
 """
 NO_WHITE = 0.03
 """White noise counts as absent if its density is less than this proportion of the whole noise's density at
 half the sample rate.
 """
 LEAST_CORNER = 10.0
-"""If there is no white noise, the fastest relaxation counts as a filter if its corner frequency is above this
-multiple of the lowest fitted frequency.
+"""Without white noise, the fastest relaxation of a model may stand for a low-pass filter. It counts as one if
+its corner frequency is more than this many times the lowest fitted frequency.
 """
 NEAR_THE_FILTER = 0.1
-"""The fitted filter differs from the true one, and a relaxation may only describe the difference. This is
-possible if the relaxation's corner frequency is at least this many times that of the filter.
+"""A fitted low-pass filter differs a little from the true one, and a relaxation may only make up for the
+difference. This is possible for a corner frequency of the relaxation that is at least this many times the
+corner frequency of the filter.
 """
 AS_FILTERS_DIFFER = 1.6
-"""A relaxation near the corner of the fitted filter may only describe how the true filter differs. It counts
-as that if the density at the lowest fitted frequency is less than this many times that at a higher frequency
-in the pass band.
+"""The density in the pass band of a low-pass counts as flat if it falls by less than this factor, from the
+lowest fitted frequency to a fifth of the filter's corner frequency. Then a relaxation near the corner
+frequency is taken for the difference between the fitted filter and the true one.
 """
 RIPPLES = 0.4
-"""A resonance belongs to the fitted filter if its frequency is at least this many times the filter's corner
-frequency.
+"""A resonance at this many times the corner frequency of the fitted low-pass, or higher, only describes the
+shape of this filter. It is not reported.
 """
 STANDS_OUT, ASIDE = 1.2, 3.0
 """A resonance counts only if the density at its frequency is more than STANDS_OUT times the densities at two
 other frequencies: ASIDE times its frequency, and its frequency divided by ASIDE.
 """
 SMOOTHS = -0.15
-"""A filter over three samples (`Sharpening`) whose parameter s is below this value is a low-pass."""
+"""The filter `Sharpening` weights three samples by -s, 1 + 2 s and -s. If s is below this value, it counts as
+a low-pass.
+"""
 RISES, HIGHEST = 1.05, 0.85
 """The highest frequencies are those above HIGHEST times half the sample rate. The density counts as rising
 with the frequency if its mean there is more than RISES times the density at the lowest fitted frequency.
 """
 
 SLOW_SAYS = frozenset(kind.row().says for kind in SLOW_PARTS)
-"""The questions about slow parts, such as a random walk, by their names (see `Reading.says`)."""
+"""Names of the questions whether there is slow noise, such as a random walk (see `Reading.says`)."""
 OF_MODEL = frozenset({"nothing", "relaxations", "resonance", "notch", "high-pass"})
-"""Questions whose answer depends on several parts of a model, by their names. The answer to another question
-is yes if one part names it in its row of `kTable` (host/native/whittle_parts.hpp).
+"""Names of the questions that no single part of a model can answer. Each other question is answered with yes
+if the model has a part that says so. What a part says is in its row of `kTable`
+(host/native/whittle_parts.hpp).
 """
 
 
@@ -75,10 +79,10 @@ class Reading(NamedTuple):
     """What a model says about the noise in addition to white noise."""
 
     says: frozenset[str]
-    """The questions about the noise to which the answer is yes (`spectrum.answers`), by their names in the
-    enum `Says` of host/native/whittle_parts.hpp. In its table of parts, most parts of a model have the name
-    of the question to which they answer yes. "drift" is also said of a relaxation that is too slow to be
-    distinguished from a random walk, and "colour" of a relaxation that is a filter.
+    """Names of the questions about the noise to which the answer is yes (`spectrum.answers`). The names are
+    those of the enum `Says` in host/native/whittle_parts.hpp. The table there gives for each part of a model
+    the question to which it says yes. Relaxations differ in two cases. One that is too slow to be
+    distinguished from a random walk says "drift", and one that is a filter says "colour".
     """
     relaxations: tuple[Relaxation, ...]
     """The relaxations whose corner frequency is in the fitted band, the slowest first."""
@@ -103,8 +107,9 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
     """Return what the best model without an order says about the noise.
 
     Parts of the model that only imitate `peaks` are left out. `from_hz`: lowest fitted frequency [Hz].
-    `apart`: smallest lead in 2 log L with which a slow relaxation is reported in place of a random walk, or a
-    high-pass in place of white noise alone.
+    `apart`: a slow relaxation is reported only if 2 log L (twice the log likelihood) is higher by more than
+    this than with a random walk. A high-pass is reported only if BIC is lower by more than this than with
+    white noise alone.
     """
     model, h = f.plain, f.h
     parts = [p for p in model.parts(h) if not (_is_skirt(p, peaks) or _is_left_out(p, f))]
@@ -126,8 +131,8 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
         relaxations = [part for part in relaxations if corner_hz(part) < near]
     rises = last > RISES * first
     if rises:
-        # Only relaxations that raise the density at low frequencies are kept. The others may only imitate the
-        # rise at high frequencies.
+        # Keep only relaxations that make up more than half of the density at the lowest frequency. The others
+        # may only imitate the rise of the density towards high frequencies.
         relaxations = [p for p in relaxations if _lowest(p, h) > first / 2 and p.tau_s > h]
     inside = [
         part
@@ -163,8 +168,8 @@ def _resonances(
 ) -> list[Resonance]:
     """Return the resonances that are part of the noise.
 
-    Others only correct the shape of the model's other parts. `beside`: whether the model says anything else
-    about the noise. If it does not, all resonances are part of the noise.
+    Other resonances of the model only correct the shape of its other parts. `beside`: whether there are such
+    other parts, besides white noise. If not, all resonances are part of the noise.
     """
     found = [part for part in parts if isinstance(part, Resonance)]
     if not beside:
@@ -187,7 +192,8 @@ def _filter(parts: Sequence[Part], h: float) -> LowPass | None:
 def _flat(model: FittedModel, low_pass: LowPass, h: float, from_hz: float) -> bool:
     """Return whether the density in the filter's pass band is flat.
 
-    Deviations are ignored if they may come from the difference between the fitted and the true filter.
+    Towards low frequencies it may rise by up to the factor AS_FILTERS_DIFFER. A rise of that size may come
+    from the difference between the fitted and the true filter.
     """
     inside = max(from_hz, 1e-3 * low_pass.corner_hz)
     hz = np.array([inside, max(0.2 * low_pass.corner_hz, inside)])
@@ -196,7 +202,7 @@ def _flat(model: FittedModel, low_pass: LowPass, h: float, from_hz: float) -> bo
 
 
 def _behind_with_walk(f: CandidateModels, part: Relaxation) -> float:
-    """Return by how much 2 log L becomes smaller if a random walk replaces the relaxation `part`."""
+    """Return the loss of 2 log L (twice the log likelihood) if a random walk replaces the relaxation."""
     codes: list[int] = []
     eta: list[float] = []
     for code, at in f.plain.terms():
@@ -211,7 +217,7 @@ def _behind_with_walk(f: CandidateModels, part: Relaxation) -> float:
 
 
 def _stands_out(model: FittedModel, part: Resonance, h: float) -> bool:
-    """Return whether the whole spectrum has a maximum at the resonance, and not only the resonance itself."""
+    """Return whether the sum of all parts has a maximum at the resonance, in spite of the other parts."""
     hz = part.frequency_hz * np.array([1.0, 1 / ASIDE, ASIDE])
     top, *sides = model.spectrum(np.minimum(2 * np.pi * hz * h, np.pi), h).tolist()
     return bool(top > STANDS_OUT * max(sides))
@@ -221,7 +227,7 @@ def _ends(f: CandidateModels, model: FittedModel, from_hz: float) -> tuple[float
     """Return the model's density at the lowest fitted frequency, and the mean density at the highest ones.
 
     The mean is taken over the fitted frequencies only. At other frequencies, the model of a filter may be
-    zero, where the data contain power from neighbouring frequencies.
+    zero, although the data have power there that leaks from neighbouring frequencies.
     """
     low = np.array([min(max(2 * np.pi * from_hz * f.h, 1e-3), np.pi)])
     high = f.data.lam >= min(HIGHEST * np.pi, f.data.lam[-1])
@@ -258,7 +264,7 @@ def _is_skirt(part: Part, peaks: Sequence[Peak]) -> bool:
         case HighPass():
             hz = part.corner_hz
         case _:
-            # A part without free parameters cannot adapt to the skirts of a peak.
+            # Only a filter with free parameters can adapt to the skirts of a resonance.
             shaped = part.row().says == "colour" and part.row().coordinates
             return bool(shaped) and any(peak.kind == "resonance" for peak in strong)
     return any(

@@ -9,19 +9,20 @@ from fltea.spectrum.periodogram import AT_ONCE
 
 
 def farthest(ratio: Array, weight: Array | None = None) -> float:
-    """Return the Kolmogorov–Smirnov statistic of the ratios I/S of m ordinates to a model.
+    """Return the Kolmogorov–Smirnov statistic of a model, from the ratios I/S at m frequencies.
 
-    I is the power of an ordinate, and S the model's power at the same frequency. The cumulative sum of I/S is
-    scaled so that it ends at 1. The statistic is √m times the largest distance of this sum from a straight
-    line.
+    I is the measured power at a frequency, and S the model's power there. The cumulative sum of I/S is
+    divided by its last value, so that it ends at 1. For a correct model, it rises almost like a straight
+    line. The statistic is √m times the largest distance from that line.
 
-    For a correct model, all ratios I/S have the same exponential distribution, and the distance is a Brownian
-    bridge (Bartlett 1955). `ratio`: I/S, (m,); the array is overwritten. `weight`: effective number of
-    ordinates that each value averages; m is then the sum of the weights.
+    For a correct model, all ratios I/S have the same exponential distribution. Then √m times the distance,
+    as a function of the frequency, is a Brownian bridge (Bartlett 1955). `ratio`: I/S, (m,); the array is
+    overwritten. `weight`: effective number of ordinates (powers at single frequencies) of which each value is
+    the mean; m is then the sum of the weights.
     """
     if weight is not None:
-        # A value is a mean of w ordinates, its weight. It contributes w I/S to the sum, with the variance w.
-        # So the sum of all weights takes the place of the number m of ordinates.
+        # Each value of I/S is a mean over w ordinates, and w is its weight. It counts in the cumulative sum
+        # as often as w single ordinates. So m, the number of ordinates, is the sum of all weights.
         sums, line = np.cumsum(ratio * weight), weight.cumsum()
         return float(np.abs(sums / sums[-1] - line / line[-1]).max()) * math.sqrt(line[-1])
     sums = np.cumsum(ratio, out=ratio)

@@ -11,8 +11,8 @@ import numpy as np
 from fltea.records.arrays import Array
 
 DEPTH, BEYOND = 0.2, 0.6
-"""The power in a notch is below DEPTH times that of the hump. The power on the other side of the notch is at
-least BEYOND times that of the hump.
+"""In a notch, the power is less than DEPTH times the hump's power. Beyond the notch, in the pass band, the
+power is at least BEYOND times the hump's power.
 """
 NOTCH_WIDTH = 1.5
 """A notch is at most this many times as wide as the hump."""
@@ -22,8 +22,8 @@ lobe's power. The multiple is large since the powers of single ordinates scatter
 """
 TELLING_AVERAGED = 5.0
 AVERAGED = 8.0
-"""For values that average at least this effective number of ordinates, the smaller factor TELLING_AVERAGED
-takes the place of TELLING.
+"""If each value is an average over at least this effective number of ordinates, the values scatter less. Then
+the smaller factor TELLING_AVERAGED is used instead of TELLING.
 """
 
 
@@ -35,16 +35,16 @@ def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> 
     `lam`, `power`: frequencies and powers, (m,), in the order of rising frequency. `least`: smallest number
     of values over which the power is averaged.
     """
-    # Powers are averaged over neighbouring values. `wide`: on the far side of the notch, the pass band is at
-    # least as wide as the hump, so averages there are as wide as the hump. `fine`: the notch may be narrower
-    # than the hump, so averages in it are half as wide.
+    # A side lobe has a notch below it, and below the notch the filter's pass band. Both are searched for in
+    # running means of the power. `wide`: for the pass band, which is at least as wide as the hump, means over
+    # the width of the hump. `fine`: for the notch, which may be narrower, means over half that width.
     wide, fine = smoothed(power, max(least, stop - start)), smoothed(power, max(least, (stop - start) // 2))
     top, height = start + int(fine[start:stop].argmax()), float(power[start:stop].mean())
     low = np.flatnonzero(fine[:top] < DEPTH * height)
     if not low.size:
         return None
     bottom = int(low[-1])
-    # Beyond the notch, only averages that do not include any part of the hump are considered.
+    # search for the pass band below the notch, only in means that do not include any part of the hump
     higher = np.flatnonzero(wide[: max(min(bottom, start - (stop - start) // 2), 0)] >= BEYOND * height)
     if not higher.size:
         return None
@@ -66,12 +66,12 @@ def smoothed(power: Array, lines: int) -> Array:
 
 
 def lines_among_lobes(power: Array, lines: int, weight: float = 1.0) -> list[tuple[int, int, float]]:
-    """Return begin, end and surrounding level of each peak above all lobes of a stop band.
+    """Return the spectral lines that stand above all side lobes of a filter's stop band.
 
-    `power`: powers in the stop band, (m,).
+    For each line, returns the indices at which it begins and ends, and the power of the highest lobe.
 
-    `lines`: number of values that a whole lobe or notch takes; a narrow spectral line takes only a few.
-    `weight`: number of ordinates that each value averages.
+    `power`: powers in the stop band, (m,). `lines`: assumed width of a lobe, as a number of values; a
+    spectral line is narrower. `weight`: effective number of ordinates of which each value is the mean.
     """
     if not len(power):
         return []

@@ -37,7 +37,8 @@ Bands = tuple[tuple[float, float], ...]
 
 FALSE_PEAK = 0.01
 """Probability of finding a peak where there is none, at the significance level `LEVEL`. If it were smaller,
-spectral lines of real sensors would be missed in octave spectra, which show lines less clearly.
+spectral lines of real sensors would be missed in the running spectrum of a live sensor. That spectrum is
+coarse at high frequencies, and shows lines less clearly than the spectrum of a file.
 """
 FALSE_COMB = 1e-3
 """Probability of finding a comb where there is none, at the significance level `LEVEL`."""
@@ -46,14 +47,15 @@ FALSE_CHANGE = 1e-3
 LEAKS = 3.0
 """A spectral line leaks over this many times the width of the band that is left out around the line."""
 SLOW_LINES = 4.0
-"""Spectral lines below this multiple of the lowest fitted frequency are called slow lines."""
+"""A spectral line is called slow if its band begins below this multiple of the lowest fitted frequency."""
 LARGEST_SHARE = 0.15
-"""A band is tested for changes only if peaks have at most this proportion of its power. By interference, two
-spectral lines with that proportion make the power go up and down, but less than a change that matters.
+"""A band is tested for changes only if peaks have less than this proportion of its power. Two spectral lines
+in a band interfere, so that its power goes up and down. With less than this proportion, the lines cannot be
+mistaken for a change that matters.
 """
 EXPLAINED = 1.5
-"""A peak is discarded if its power is less than this many times the power that the rest of the model has in
-the same band.
+"""A hump of the spectrum beside a high-pass is reported as a peak only if its power is more than this many
+times the power of the fitted model, without resonances, in the same band.
 """
 
 
@@ -96,12 +98,12 @@ def examine(
     """Examine one axis.
 
     `whole`: all ordinates that the user did not exclude. They lie above `from_hz` and outside the bands (low,
-    high) `notch` [Hz]. `duration_s`, `samples`: length of the record. `cells`: band powers over time for the
-    test of stationarity. If empty, there is no test. `drift`: the drift that was subtracted from the samples.
-    `peaks`: peaks that were found elsewhere with a finer resolution; None to search for peaks in `whole`.
-    `before`: if a comb (lines at all multiples of a frequency) was removed, the ordinates with it; else None.
-    `median`: the median filter detected in the samples. `level`: significance level of each test.
-    `last_refit`: results of earlier refits.
+    high) `notch` [Hz]. `duration_s`, `samples`: length of the record. `cells`: band powers over time, to test
+    whether the noise stayed the same. If empty, there is no such test. `drift`: the drift that was subtracted
+    from the samples. `peaks`: peaks that were found in a spectrum of finer resolution; None to search for
+    peaks in `whole`. `before`: the ordinates before a comb (lines at all multiples of a frequency) was
+    removed; None if none was removed. `median`: the median filter detected in the samples. `level`:
+    significance level of each test. `last_refit`: results of earlier refits.
 
     Raises:
         ValueError: too few ordinates are left, or all ordinates are 0.
@@ -145,8 +147,8 @@ class _Seen(NamedTuple):
 
     combs: tuple[Peak, ...]
     of_comb: Bands
-    """Bands of a comb. They are needed only for live samples, since a comb in a file is removed from the
-    samples.
+    """The bands of a comb's lines, for live samples. It is empty for a file, since a comb in a file was
+    already removed from the samples.
     """
     of_median: Bands
     peaks: tuple[Peak, ...]
@@ -209,8 +211,9 @@ def _peaks(whole: Periodogram, false_alarm: float) -> tuple[tuple[Peak, ...], Ba
 def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: CandidateModels) -> tuple[Peak, ...]:
     """Return the peaks that the other parts of the noise do not explain.
 
-    A hump of the spectrum may be only the band between a high-pass and a low-pass. If the model that is
-    fitted outside the hump also explains the power inside it, the hump is no peak.
+    A high-pass removes low frequencies, and a low-pass high ones. The band between them is a hump of the
+    spectrum, but no peak. So a hump is discarded if the model, which was fitted outside the hump, also
+    explains the power inside it.
     """
     if HighPass not in f.plain.kinds:
         return peaks
@@ -228,7 +231,7 @@ def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: CandidateModels
 
 
 def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:
-    """Return the lowest frequency [Hz] of the clean ordinates, which lie above the leakage of slow lines."""
+    """Return `lowest_hz` [Hz], or a higher frequency above which no slow spectral line leaks."""
     ends = [
         high + LEAKS * (high - low)
         for low, high in (peak.notch_hz for peak in peaks if peak.kind != "resonance")
@@ -250,7 +253,11 @@ def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> P
 
 
 def _highest(f: CandidateModels) -> Callable[[Array], Array]:
-    """Return a function of λ: the highest spectrum of plausible models, with leakage from a record's ends."""
+    """Return a function of frequencies [rad a sample] that returns the highest power to be expected there.
+
+    This is the highest power of all plausible models, with the power that leaks from the record's ends. A
+    model with an order is plausible if its BIC is hardly worse than that of the best model without one.
+    """
     possible = [f.plain] + ([f.ordered] if f.ordered is not None and f.lead > -APART else [])
 
     leaks = [(one, LEAKS_AT_MOST * end_leak(f, one)) for one in possible]
@@ -266,8 +273,9 @@ def _change(
 ) -> Change | None:
     """Return the change of the noise during the record; None if there is none.
 
-    A band is not tested if much of its power is in `peaks`. With a strong sharp resonance, neighbouring
-    blocks have similar powers, so that parts of the record differ more than with independent blocks.
+    A band is not tested if much of its power is in `peaks`. The test takes the powers of neighbouring blocks
+    of samples as independent. A strong sharp resonance makes them similar, so that parts of the record differ
+    although the noise stays the same.
     """
     compared = [band for band in cells if _share_of_peaks(whole, band, peaks) < LARGEST_SHARE]
     return find_change(compared, whole.h, FALSE_CHANGE * level / LEVEL, from_hz, notch)
@@ -305,7 +313,7 @@ class _Clean(NamedTuple):
         return float(self.ordinates.lam[-1]) / (2 * np.pi * self.ordinates.h)
 
     def band(self, left_out: Bands) -> Band:
-        """Return the band of these ordinates, with `left_out` left out as well."""
+        """Return the band of these ordinates, from which the peaks' bands and `left_out` are left out."""
         return Band(self.from_hz, self.to_hz, left_out + self.bands, round(self.ordinates.ordinates))
 
 
@@ -325,9 +333,9 @@ def _clean(seen: _Seen, lowest_hz: float) -> _Clean:
 
 
 def _outside(whole: Periodogram, from_hz: float, found: Bands) -> tuple[Periodogram, int]:
-    """Return the ordinates above `from_hz` and outside bands, and the number of these bands.
+    """Return the ordinates above `from_hz` and outside the first k bands of `found`; also return k.
 
-    The bands are the first ones of `found`, as many as leave enough ordinates.
+    k is as large as possible: at least half of the ordinates have to be left.
 
     Raises:
         ValueError: too few ordinates are left even if no band is left out.

@@ -1,8 +1,8 @@
 """Find narrow lines and broad resonances in a spectrum, with a known rate of false alarms.
 
-A peak is a range of frequencies whose mean power is so far above the means of the flanks on both sides that
-chance does not explain it. Where the spectrum rises or falls, the range is compared with the higher one of
-the two flanks.
+A peak is a range of frequencies with so much power that chance does not explain it. Its mean power is
+compared with those of its flanks, the neighbouring frequencies on both sides. Where the spectrum rises or
+falls, the higher flank counts.
 
 The search is the same for a file's periodogram and for the running spectrum, whose values average different
 numbers of ordinates (`Ordinates` can contain either). Only the strongest peak is found in two different ways:
@@ -28,20 +28,20 @@ MOST = 12
 SMOOTHEST = 9
 """Smallest number of ordinates over which a spectrum is averaged to test whether a hump is a side lobe."""
 LINE_SKIRT = 3
-"""If a spectral line lies among side lobes, this many ordinates on each side of the line are left out with
-it.
+"""If a file has a spectral line in the stop band of a filter, among side lobes, this many ordinates on each
+side of the line are left out with it.
 """
 SHORTEST_FLANK = 12
-"""At high frequencies, values of the running spectrum average over blocks. If the values in a filter's stop
-band do, a whole side lobe or notch is taken to be this many values wide.
+"""Assumed width of a side lobe or notch in a filter's stop band, as a number of values. It holds for a
+running spectrum, whose values at high frequencies are averages over blocks.
 """
 SKIRT = 0.05
-"""Values of the running spectrum belong to the skirt of a peak only if they exceed the level around the peak
-by at least this proportion.
+"""In the running spectrum, the skirt of a peak reaches only as far as the power exceeds the level around the
+peak by more than this proportion of the level.
 """
 NARROW = 3
-"""A peak among values that average over blocks may be a line or a resonance if it is at most this many values
-wide.
+"""At high frequencies, values of the running spectrum are averages over blocks. There, a peak that is at most
+this many values wide may be a line or a resonance. A wider peak is a resonance.
 """
 LINE_ORDINATES = 6
 """A peak with nearly all its power in about this many ordinates is a spectral line, since its phase is stable
@@ -117,10 +117,10 @@ def _search(lines: Ordinates, total: float, false_alarm: float) -> tuple[Peak, .
 
 
 def _notch_below(lines: Ordinates, found: Found) -> float | None:
-    """Return where the notch next to the peak begins if the peak is a side lobe of a filter; else None.
+    """Return the frequency at which the notch below the peak begins; None if the peak is no side lobe.
 
-    At high frequencies, values of the running spectrum average over blocks. If the peak lies among such
-    values, the notch is searched only among them.
+    At high frequencies, values of the running spectrum are averages over blocks. If the peak consists of such
+    averages, the notch is searched for in averages only.
     """
     averaged = lines.is_averaged(found.start)
     begin = lines.first_average_before(found.start) if averaged else 0
@@ -138,8 +138,7 @@ def _with_stop_band(lines: Ordinates, total: float, false_alarm: float, edge: fl
     above = lines.part(begin, len(lines.lam))
     if not len(above.lam):
         return peaks
-    # A whole lobe or notch is taken to be `flank` values wide. A narrow spectral line takes only a few
-    # values.
+    # `flank`: assumed width of a whole side lobe or notch, as a number of values; a spectral line is narrower
     flank = SHORTEST_FLANK if above.has_averages() else FLANK
     skirt = LINE_SKIRT if above.weight is None else LOBE
     described = []
@@ -153,7 +152,8 @@ def _with_stop_band(lines: Ordinates, total: float, false_alarm: float, edge: fl
 def _extent(lines: Ordinates, found: Found) -> tuple[int, int]:
     """Return the range of the peak `found` with its skirts, as indices.
 
-    A skirt ends where the mean over half the peak's width is no longer significantly above the level.
+    A skirt ends where the power is no longer significantly above the level around the peak. To see this, the
+    power is averaged over half the peak's width.
     """
     piece = max(LOBE if lines.is_averaged(found.start) else 3, (found.stop - found.start) // 2)
     least = 0.0 if lines.weight is None else SKIRT
@@ -185,8 +185,8 @@ def _describe(lines: Ordinates, found: Found, extent: tuple[int, int], total: fl
     if lines.weight is not None:
         top = sharp if is_narrow else top
     elif _in_few_ordinates(part - found.level, sharp):  # a sharp peak is not smoothed, which would widen it
-        # A live spectrum is not examined in this way. It has few single ordinates, so that these may hold
-        # nearly all power of a slow resonance, too.
+        # A live spectrum is not examined in this way, since it has few single ordinates: even a resonance at
+        # a low frequency could have nearly all its power in a few of them.
         top, wide, is_narrow = sharp, wide[:LINE_ORDINATES], True
     frequency = float(lines.lam[left + top])
     if averaged and is_narrow:

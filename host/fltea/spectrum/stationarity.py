@@ -40,21 +40,21 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     p: float
     """The p-value of the test that found the change, multiplied by the number of all tests."""
     size: float
-    """The size of the change, as a ratio of two powers, whose logarithms are two standard deviations apart.
-    This is the standard deviation of the log power over time, after what chance explains was subtracted. For
-    a single step in the middle of the record, the ratio is the size of the step.
+    """Size of the change as a ratio of two powers, exp(2σ). σ is the standard deviation of the log power over
+    time; what chance explains is subtracted from σ². For a single step in the middle of the record, the ratio
+    is the size of the step.
     """
     ratio: float = 1.0
     """The mean power after `at_s`, divided by that before `at_s`; 1 if the power went up and down."""
     at_s: float = 0.0
-    """If the record is divided in two at this time, the two parts differ most."""
+    """The time of a step: if the record is divided here, the powers before and after it differ most."""
     share: float = 0.0
-    """Proportion of the power's variance between the cells (intervals of time) that the division of the
-    record at `at_s` explains. The rest comes from changes up and down.
+    """The power has some variance over time. This proportion of the variance comes from the step at `at_s`,
+    and the rest from changes up and down.
     """
     half_s: float | None = None
-    """Time from a high power to the following low power, known to a factor of two. None if the change was
-    found by comparing cells (intervals of time), and not by comparing time scales.
+    """Time from a high power to the following low power, known to a factor of two. None if the change is not
+    one that `swings` has found.
     """
     period_s: float | None = None
     """Period of the changes, if the samples show that the power goes up and down regularly."""
@@ -76,12 +76,9 @@ class _Parted(NamedTuple):
     ratio: float
     at_s: float
     explained: float
-    """Variance between the cells (intervals of time) that the division of the record in two parts at `at_s`
-    explains.
-    """
+    """Variance of the log power that a single step at `at_s` would explain."""
     share: float
-    """Proportion of the variance between the cells (intervals of time) that the division at `at_s` explains.
-    """
+    """`explained`, divided by the whole variance of the log power between the cells (intervals of time)."""
 
 
 Found = TypeVar("Found", _Parted, Swing)
@@ -150,15 +147,16 @@ def _size(variance: float) -> float:
 def _compared(
     counts: Array, means: Array, first: Array, within: float, degrees: float, h: float
 ) -> _Parted | None:
-    """Compare the power in the cells (intervals of time) of an octave. Return None if it differs too little.
+    """Compare the power in the cells (intervals of time) of an octave.
 
-    The arguments are what `_joined` returns.
+    Return None if the powers of the cells differ too little to matter. The first five arguments are what
+    `_joined` returns; `h`: sampling period [s].
     """
     total = float(counts.sum())
     around = means - counts @ means / total
     between = float(counts @ around**2)
     free = len(counts) - 1
-    # variance between the cells, minus the variance that chance explains
+    # variance of the log power between the cells, minus the variance that chance explains
     variance = max(between - free * within, 0.0) / total
     if _size(variance) < LEAST_SIZE:
         return None
@@ -178,10 +176,11 @@ def _compared(
 
 
 def _joined(band: BandCells) -> tuple[Array, Array, Array, float, float] | None:
-    """Return the cells of an octave, joined until each has enough blocks.
+    """Return the cells (intervals of time) of an octave, joined until each has enough blocks.
 
-    The result has the number of blocks, the mean and the first sample of each cell, the variance within the
-    cells, and the degrees of freedom of this variance. It is None if there are fewer than two cells.
+    Returns three arrays with a value for each cell: the number of its blocks, the mean of their log powers,
+    and the index of its first sample. Also returns the variance of the log power within cells, and the
+    degrees of freedom of this variance. Returns None if there are fewer than two cells.
     """
     counts = np.asarray(band.counts, dtype=np.float64)
     some = counts > 0
@@ -200,8 +199,8 @@ def _joined(band: BandCells) -> tuple[Array, Array, Array, float, float] | None:
         return None
     n = np.add.reduceat(counts, starts)
     mean = np.add.reduceat(counts * means, starts) / n
-    # `total`: for each joined cell (interval of time), the sum of the squared differences between the log
-    # powers of its blocks and their mean.
+    # The blocks of a joined cell (interval of time) have log powers that differ from their mean. `total`: for
+    # each joined cell, the sum of the squares of these differences.
     total = np.add.reduceat(squares + counts * means**2, starts) - n * mean**2
     degrees = float(n.sum()) - len(n)
     within = float(total.sum()) / degrees

@@ -1,11 +1,12 @@
 """Test whether the power of an octave of the spectrum goes up and down, at any time scale.
 
-Consider the means of the logarithm of power in neighbouring runs of 2^s blocks. If blocks are independent,
-the variance of the difference of these means falls as 1 / 2^s. So the variance multiplied by 2^s is the same
-at every scale s (`octaves.BandCells`). If the power goes up and down, this variance is larger at scales near
-the duration of the swings, and hardly larger at other scales. So each scale is compared by an F test with the
-shorter scales, and with the longer scales. A longer record has more pairs of runs at each scale. So a swing
-that can be found in a short record can also be found in a long record.
+The power of an octave is known for successive blocks of samples. A run of scale s is 2^s successive blocks,
+and each run has a mean log power. At each scale, the means of neighbouring runs are compared. If the blocks
+are independent, the variance of the difference of two such means is proportional to 1 / 2^s. Multiplied by
+2^s, it is the same at every scale (`octaves.BandCells`). If the power goes up and down, this product is
+larger at scales near the duration of the swings, and hardly larger at other scales. So an F test compares
+each scale with the shorter scales, and another F test with the longer scales. A longer record has more pairs
+of runs at each scale. So a swing that can be found in a short record can also be found in a long record.
 """
 
 import functools
@@ -20,7 +21,9 @@ from fltea.records.arrays import Array
 from fltea.spectrum.octaves import BandCells
 
 OVERLAP = 1 / 36
-"""Correlation of the power of blocks that overlap by half, under Hann's window."""
+"""Correlation of the powers of neighbouring blocks in white noise. The blocks overlap by half, and each block
+is multiplied by Hann's window.
+"""
 MOST_ALIKE = 0.1
 """A correlation of neighbouring blocks up to this value does not count as a change. An outlier may lie in two
 overlapping blocks, and a resonance continues from one block to the next.
@@ -30,25 +33,32 @@ FEWEST_PAIRS = 3
 this many pairs.
 """
 EVERYDAY = 3.0
-"""A difference of at most this many standard deviations is not significant at any level in use."""
+"""A time scale is reported only if its variance exceeds the expected one by more than this many standard
+deviations. A smaller excess is not significant at any significance level that FLTEA uses.
+"""
 
 
 class Swing(NamedTuple):
-    """The time scale at which chance is least likely to explain how an octave's power changes."""
+    """How an octave's power goes up and down, at the time scale where this is most significant."""
 
     deviate: float
-    """How unlikely the found ratio of variances is in stationary noise, as a number of standard deviations.
+    """Significance of the swings, as a number of standard deviations: a normal random number exceeds it as
+    rarely as the power varies so much by chance at this time scale.
     """
     variance: float
-    """Variance of the logarithm of power, minus the variance that chance explains, summed over all scales."""
+    """Variance of the log power over time, summed over all scales. The variance by chance is subtracted."""
     half_s: float
-    """Time from a high power to the following low power, known to a factor of two. It is computed from the
-    scale that has the largest part of `variance`.
+    """Time from a high power to the following low power, known to a factor of two. It is the length of a run
+    at the scale that contributes most to `variance`.
     """
 
 
 class _Compared(NamedTuple):
-    """Comparisons of the variance at a time scale with that expected from other scales; all arrays (k,)."""
+    """Comparisons of the variance at one time scale with a usual variance; all arrays (k,).
+
+    The usual variance is a mean over other time scales. `ratio`: the variance, divided by the usual one.
+    `pairs`, `its_pairs`: number of pairs of runs from which the variance and the usual one were computed.
+    """
 
     ratio: Array
     pairs: Array
@@ -59,7 +69,7 @@ class _Compared(NamedTuple):
 def find_swings(bands: Sequence[BandCells], h: float) -> tuple[list[tuple[BandCells, Swing]], int]:
     """Return the bands whose power varies unusually at a time scale, with the most significant scale of each.
 
-    Also return the number of comparisons of scales that were made in all bands. `h`: sampling period [s].
+    Also return how often one scale was compared with others, in all bands together. `h`: sampling period [s].
     """
     those = [_Scales.of(band) for band in bands]
     enough = [(band, its) for band, its in zip(bands, those, strict=True) if len(its.runs) >= 2]
@@ -82,9 +92,10 @@ def find_swings(bands: Sequence[BandCells], h: float) -> tuple[list[tuple[BandCe
 
 
 class _Scales(NamedTuple):
-    """The time scales (k,) of a band that have enough pairs of runs.
+    """The time scales of a band that are used, the shortest first; all arrays (k,).
 
-    `runs`: number of blocks in a run, at each scale.
+    At a time scale, neighbouring runs of blocks are compared. A scale is used if it has at least FEWEST_PAIRS
+    pairs of such runs. `runs`: number of blocks in a run, at each scale.
     """
 
     runs: Array
@@ -98,25 +109,29 @@ class _Scales(NamedTuple):
         return cls(runs, band.pairs[known], band.scale_variance[known])
 
     def slow(self) -> _Compared:
-        """Compare the variance of the power at each time scale with the mean variance at shorter scales."""
+        """Find slow swings: compare the power's variance at each time scale with that at shorter scales."""
         return _against(self.variance / _expected(self.runs, MOST_ALIKE), self.pairs)
 
     def fast(self) -> _Compared:
-        """Compare the variance of the power at each time scale with the mean variance at longer scales."""
+        """Find fast swings: compare the power's variance at each time scale with that at longer scales."""
         return _against((self.variance / _expected(self.runs, OVERLAP))[::-1], self.pairs[::-1])
 
     def swing(self, deviate: float, usual: float, alike: float, hop_s: float) -> Swing:
-        """Return a `Swing`. Its variance is by how much the power varies more than usual, at all time scales.
+        """Return a `Swing`. From the variances at all time scales it takes only what exceeds the usual one.
 
-        `usual`: the usual variance of single blocks. `alike`: correlation of neighbouring blocks. `hop_s`:
-        time [s] from one block to the next.
+        `usual`: variance of the log power of single blocks if the noise stays the same. `alike`: correlation
+        of the powers of neighbouring blocks. `hop_s`: time [s] from one block to the next.
         """
         excess = np.maximum(self.variance - usual * _expected(self.runs, alike), 0.0) / (2 * self.runs)
         return Swing(deviate, float(excess.sum()), float(self.runs[excess.argmax()]) * hop_s)
 
 
 def _against(variance: Array, pairs: Array) -> _Compared:
-    """Compare each variance (k,) with means of those before it: of the first, of the first two, and so on."""
+    """Compare each of the variances (k,) with those that come before it in the array.
+
+    Variance number i has i - 1 comparisons: with the first, with the mean of the first two, and so on, up to
+    the mean of all that come before it.
+    """
     total = pairs.cumsum()
     usual = (variance * pairs).cumsum() / total
     one, before = _below(len(pairs))
@@ -129,8 +144,8 @@ def _below(scales: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _expected(runs: Array, alike: float) -> Array:
-    """Return the expected ratio of each scale's variance to that of single blocks.
+    """Return for each scale the variance in noise that stays the same, divided by that of single blocks.
 
-    `alike`: correlation of neighbouring blocks.
+    `runs`: number of blocks in a run of each scale. `alike`: correlation of neighbouring blocks' powers.
     """
     return 1 + 2 * alike - 3 * alike / runs

@@ -1,11 +1,12 @@
 """The verdict on one axis: which models describe the noise, and what they say about it.
 
 Two sets of models compete: models with an order and models without one. A search finds the best model of each
-set. A set wins if its best model leads by `APART` in 2 log L after BIC's price, and meets one more condition.
-A model with an order also has to lead over models without one that have more parts. A model without an order
-has to lead far over the model in which an order replaces its relaxations. If neither set wins, the best model
-of each is reported. Each question is stored with the figure that answered it, so that a reader can follow the
-verdict. The questions about a model without an order are in `spectrum.answers`.
+set. The models are compared by 2 log L (twice the log likelihood), from which BIC subtracts a price for each
+free parameter. A set wins if its best model leads by `APART`, and one more condition is met. To claim an
+order, its model also has to lead over models without one that have more parts. To exclude an order, the model
+without one has to lead far over a model in which an order takes the place of relaxations. If neither set
+wins, the best model of each is reported. Each question is stored with the figure that answered it, so that a
+reader can follow the verdict. The questions about a model without an order are in `spectrum.answers`.
 """
 
 from fltea.noise.filters import ONE_POLE
@@ -21,14 +22,16 @@ from fltea.spectrum.questions import Questions, Verdict
 from fltea.spectrum.residuals import kolmogorov
 
 CLAIMED, LEAST_OVER_RICH = 12.0, 4.0
-"""The noise is called fractional if the odds of an order are at least CLAIMED, and if the best model with an
-order exceeds one without an order, which may have more parts, by LEAST_OVER_RICH in 2 log L. With these
-limits, at most one in a hundred noises without an order is called fractional. This holds for each kind of
-such noises, even for sums of regularly spaced relaxations, which look like an order
+"""The noise is called fractional only if the odds of an order are above CLAIMED, and if 2 log L with an order
+is higher by more than LEAST_OVER_RICH than with any model without one, even if that has more parts. With
+these limits, at most one in a hundred noises without an order is called fractional. This holds for each kind
+of noise, even for sums of relaxations at regular intervals of frequency, which look like an order
 (host/docs/evaluation/odds.md).
 """
 LEAST_RESIDUAL_LEVEL = 0.01
-"""Lowest significance level of the residuals' test, which can only contradict the claim of an order."""
+"""An order is claimed only if the model's residuals look white. The test of this has at least this
+significance level.
+"""
 SHORT_S = 580.0
 """About ten minutes [s]. The verdict on a shorter record says that it may hold noise too slow to be seen."""
 RISING = tuple(kind for kind in CODES if kind.has("rising"))

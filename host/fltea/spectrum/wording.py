@@ -18,8 +18,8 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 LIKELY = 10.0
 """If the odds for or against an order are at least this, the text says what the noise most likely is."""
 REGULAR = 3.0
-"""If the odds of an order are higher than this, the text warns: relaxations whose corner frequencies are a
-decade apart would look like an order, too.
+"""If the odds of an order are higher than this, the text adds a warning: the noise may also be a sum of
+relaxations whose corner frequencies are a factor of ten apart, since such a sum looks like an order.
 """
 UNDEFINED = "α and f are undefined"
 TAKEN_OUT = (
@@ -209,9 +209,9 @@ def null_test(e: Evidence) -> str:
 
 
 def rejected_by(e: Evidence) -> str:
-    """Return words on missing power at low frequencies, if white noise was rejected because of it.
+    """Return the reason why white noise was rejected, if it is missing power at low frequencies.
 
-    In all other cases the text is empty.
+    Return an empty text for any other reason.
     """
     if e.candidates.missing.nll >= e.candidates.null.nll:
         return ""
