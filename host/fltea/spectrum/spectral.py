@@ -1,8 +1,9 @@
 """What the spectrum of one axis says: null tests, peaks, stationarity, drift, and the candidate models.
 
 There are three sets of ordinates (powers at single frequencies). The first has all that the user did not
-exclude. The second is the first without spectral lines and resonances. The third, the clean ordinates, is the
-second without the low frequencies of the drift. The models are fitted to the clean ordinates.
+exclude. The second is the first without spectral lines and resonances. The third is the second without the
+lowest frequencies, where the noise may only be drift. It is called the clean ordinates. The models are fitted
+to these.
 
 A recording and a live sensor are examined in the same way, except for the significance level of the tests.
 """
