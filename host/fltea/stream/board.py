@@ -54,14 +54,14 @@ class EstimateCounts:
         self._newest: int | None = None
 
     def add(self, sequence: int) -> None:
-        """Count the estimate with this number on the wire."""
+        """Count an estimate that arrived, and those lost before it. `sequence`: its number on the wire."""
         self.came += 1
         if self._newest is not None:
             self.lost += (sequence - self._newest - 1) % SEQUENCE_WRAP
         self._newest = sequence
 
     def forget(self) -> None:
-        """Count no estimates as lost before the next one."""
+        """Forget the newest sequence number, so that the next estimate shows no loss."""
         self._newest = None
 
 

@@ -21,8 +21,8 @@ def compare(
 ) -> DeviceAxisEstimate:
     """Return the board's estimate, with its difference from the host's or the reason why there is none.
 
-    `known`: the host's estimate after the same sample. `host_age`: number of steps that the host's filters
-    have made since their start-up window, counted from 1; None if the host makes no estimates of this axis.
+    `known`: the host's estimate after the same sample. `host_age`: how many estimates the host's filters have
+    made from their start-up window to this sample; None if the host makes no estimates of this axis.
     `same_settings`: whether the host's filters use the settings that the board states.
     """
     valid, numbers = _numbers(e)
@@ -68,10 +68,9 @@ _Six = tuple[float | None, float | None, float | None, float | None, float | Non
 def _numbers(e: DeviceAxis) -> tuple[bool, _Six]:
     """Return whether the board's estimate is valid, and its six numbers.
 
-    The numbers are α and f, each with its standard deviation, the state, and the innovation.
-
-    All numbers are None if the estimate is not valid. The innovation is None if it is not finite or the
-    sample is missing.
+    The numbers are α, its standard deviation, f, its standard deviation, the state, and the innovation. All
+    six are None if the estimate is not valid. In a valid estimate, the innovation alone may be None: if the
+    board had no sample, or if the innovation is not finite.
     """
     if not (e.valid and all(map(math.isfinite, (e.alpha, e.alpha_std, e.f, e.f_std, e.state_dps)))):
         return False, (None, None, None, None, None, None)

@@ -30,8 +30,8 @@ class BoardNotices:
         self._constant: set[str] = set()
         self._invalid = OnceAMinute()
         self._skipped: tuple[int, int | None] = (0, None)
-        """The last report of skipped samples: how many samples the board's estimator had skipped by then, and
-        the time of the report. The time is None as long as the board has not stated the number.
+        """How many samples the board's estimator had skipped at the last report about them, and the time of
+        that report. The time is None until the board states for the first time how many it has skipped.
         """
 
     def begin(self) -> None:

@@ -17,7 +17,7 @@ its own sample: a board that falls further behind skips samples instead.
 class RecentSample(NamedTuple):
     """The sample in row `row` of `block`.
 
-    `age`: number of estimates that the host's filters have made since their start-up window.
+    `age`: number of estimates that the host's filters have made from their start-up window to this sample.
     """
 
     seq: int

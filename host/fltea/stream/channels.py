@@ -68,7 +68,7 @@ class Channels:
 
     @property
     def waiting(self) -> list[bool]:
-        """For each axis, whether its filter waits for a fit from which it gets its variances."""
+        """For each axis, whether a live fit has to set the variances of its filter and none has done so."""
         return [self._tuned and axis not in self.bank.tuned for axis in self._names]
 
     def use_model(self, accepted: Sequence[AcceptedFit]) -> None:
@@ -110,9 +110,10 @@ class Channels:
         return self.bank.baseline is None or axis in self.bank.baseline.constant_axes
 
     def bridge(self, count: int) -> None:
-        """Let the filters predict over `count` samples that came while the program did not run.
+        """Let the filters predict `count` samples, which came while the program did not run.
 
-        No more samples are predicted than the memory of the filters holds.
+        At most as many samples are predicted as a filter's memory holds; with unlimited memory, at most
+        `LONGEST_BRIDGE`.
         """
         self.bank.on_missing(min(count, self.config.window_samples or LONGEST_BRIDGE))
 

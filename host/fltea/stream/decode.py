@@ -56,8 +56,8 @@ class Stop(IntEnum):
 
 
 OfSensors = list[tuple[list[Any], list[Any] | None] | None]
-"""For each sensor, two groups of columns: the results of its bias tracker, and those of its filters or None.
-For a sensor without samples, None.
+"""For each sensor, the columns with the results of its bias tracker, and those with the results of its
+filters. The latter are None if no filters run. For a sensor without samples, the whole entry is None.
 """
 
 Rows = tuple[int, tuple[Any, ...], OfSensors]
@@ -211,7 +211,7 @@ class Decoder:
         missing, reason = 0, None
         for stop, _, rows, details in self.advance(raw):
             if stop == Stop.EPOCH:
-                reason, missing, *_ = details  # the details are the fields of `FirstSample`
+                reason, missing, *_ = details  # here, `details` has the fields of `FirstSample`
                 self.begin([])
             elif stop == Stop.GAP:
                 missing, *_ = details

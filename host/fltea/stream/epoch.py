@@ -16,8 +16,8 @@ from fltea.records.sensor_kind import ACCELEROMETER, GYROSCOPE, SensorKind
 from fltea.records.stats import AxisStats, DeviceEstimatorStats, TrackerStats
 
 NEVER = 2**62
-"""Stands for "never": a number that no sample has, and a time at which no sample arrives
-(host/native/device.hpp).
+"""Stands for "never" where a sample's number or a time [ns] is asked for: no sample has this number, and none
+arrives at this time (host/native/device.hpp).
 """
 
 
@@ -93,8 +93,8 @@ class SavedSensor(NamedTuple):
 
 
 SAVED_FIELDS = ("{}", "{}_fit", "{}_track")
-"""Names of the fields of `Saved` for one sensor, in the order of `SavedSensor`; {} stands for the sensor's
-name.
+"""The fields of `Saved` that hold the state of one sensor, in the order of the fields of `SavedSensor`. With
+the sensor's name in place of {}, they are for example "gyro", "gyro_fit" and "gyro_track".
 """
 
 

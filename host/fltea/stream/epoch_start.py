@@ -43,10 +43,12 @@ class EpochStart:
 
         `now_ns`: present time on the source's monotonic clock [ns]. `now_unix_ns`: the same in Unix time.
 
-        Returns the reports to publish, the reason why the epoch begins, the snapshot's age [s] (None without
-        a snapshot), and the number of samples lost since the snapshot. The number of lost samples is 0
-        unless another process of a cluster served the device before. In that case, no other part of the
-        program counts these samples.
+        Returns:
+            the reports to publish,
+            the reason why the epoch begins,
+            the age of the snapshot [s]; None if no snapshot is used,
+            how many samples were lost while the device moved from another process of a cluster to this one,
+            since nothing else counts them; otherwise 0.
         """
         notices: list[Item] = []
         hello = beginning.hello

@@ -17,13 +17,13 @@ DEVICES_A_SECOND = 12
 short record takes 25 ms per device.
 """
 GOLDEN = (math.sqrt(5) - 1) / 2
-"""Inverse of the golden ratio. The fractional parts of its multiples are spread evenly over 0 to 1. They are
-the times, within a period, at which the devices take turns (`turn`), however many devices there are.
+"""Inverse of the golden ratio. The fractional parts of its multiples are spread evenly over 0 to 1, however
+many there are. The one of multiple k says at which proportion of a period device k does its work (`turn`).
 """
 LONGEST_PERIOD_S = 3600.0
 SEARCH_GROWTH, REFIT_GROWTH = 10, 100
-"""Between two model searches, the record grows by 1/`SEARCH_GROWTH` of its length. Between two refits, it
-grows by 1/`REFIT_GROWTH` of its length.
+"""A model search begins when the record has grown by a tenth (1/`SEARCH_GROWTH`) since the last search. Any
+other refit begins when it has grown by a hundredth (1/`REFIT_GROWTH`) since the last refit.
 """
 LONGEST_S = 60.0
 """Longest time between two refits if an output shows the fits [s]."""
@@ -57,8 +57,8 @@ def turn(fit_worker: FitWorker, number: int, period: int) -> int:
     """Return the time within a period at which device `number` does its periodic work.
 
     Many devices begin together when a program starts. If they also did their periodic work at the same time,
-    all device streams would wait for each other. `number`: index of the device. `period`: length of the
-    period, in the unit of the result: samples or ns.
+    all device streams would wait for each other. With few devices the result is 0. `number`: index of the
+    device. `period`: length of the period, in the unit of the result: samples or ns.
     """
     return int(number * GOLDEN % 1 * period) if fit_worker.devices > DEVICES_A_SECOND else 0
 
@@ -81,11 +81,11 @@ class Refit(NamedTuple):
 class RefitTimes:
     """Decides at which samples of an epoch refits begin. The samples are numbered from 1.
 
-    The numbers at which refits may begin are multiples of the period, in samples. A refit takes effect before
-    the next multiple; only a model search may take longer. The estimates use only the regular model searches.
-    The other refits are made for outputs that show fits; a long search delays them. `grows`: whether the time
-    between model searches grows with the record; if not, every refit is a model search. `every`: whether the
-    other refits are made. The model searches do not depend on it.
+    A refit may begin once in each period (a number of samples). There are two kinds. The estimates use the
+    regular model searches; a search may take several periods. The other refits are made only for outputs that
+    show fits. Such a refit takes effect before the next period, and none begins during a search. `grows`:
+    whether the time between model searches grows with the record; if not, every refit is a regular model
+    search. `every`: whether the other refits are made. The regular searches do not depend on it.
     """
 
     def __init__(self, rate_hz: float, *, grows: bool, every: bool) -> None:
@@ -102,10 +102,10 @@ class RefitTimes:
     ) -> Refit | None:
         """Return the refit that begins with sample number `number`; None if no refit begins.
 
-        Call this only if `number` is at least `self.check`. `samples`: number of samples of the whole record.
-        `period`: number of samples between two refits from now on. `noticed`: whether a step or a change of
-        the noise was noticed, so that a refit is wanted now. `busy`: whether the last refit has not taken
-        effect yet.
+        Call this only if `number` is at least `check`, the number at which the next refit may begin.
+        `samples`: number of samples of the whole record. `period`: number of samples between two refits from
+        now on. `noticed`: whether a step or a change of the noise was noticed, so that a refit is wanted now.
+        `busy`: whether the last refit has not taken effect yet, so that none can begin.
         """
         self.check = (number // period + 1) * period
         settles = number >= self._search

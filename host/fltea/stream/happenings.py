@@ -50,8 +50,8 @@ def record_of(
 def left_out(moving: Mask, events: Sequence[TrackerEvent]) -> Mask:
     """Return the mask (n, axes) of the samples that are left out of the noise spectrum.
 
-    These are the samples in motion (`moving`), and those at which a step was detected. A sample that is left
-    out divides the record, so that no stretch of it contains a step.
+    These are the samples in motion (`moving`), and those at which a step was detected. Where a sample is left
+    out, a stretch of samples ends and another begins. So no stretch contains a step.
     """
     steps = [event for event in events if event.kind == EventKind.STEP]
     if not steps:

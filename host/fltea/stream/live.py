@@ -36,12 +36,11 @@ NO_VERDICT = ("too few samples",)
 """Verdicts of a fit that say nothing about the noise. Such a verdict never counts as stable."""
 REFILTERED = 32
 """When a refit takes effect, the samples that the tracker remembers have to be filtered with the new noise
-model, so that the tracker can test them for steps. The fit worker filters them this many samples earlier. The
-device stream then has to filter only this many samples itself (about 5 µs per axis).
+model, so that the tracker can test them for steps. The fit worker does so while this many samples are still
+to come. Then only these are left for the device stream to filter (about 5 µs per axis).
 """
 BREAK = 9
-"""When a stretch of samples ends, at least this many samples count as lost, since the true number may be
-unknown.
+"""Between two stretches of samples, at least this many samples count as lost. The true number may be unknown.
 """
 
 
@@ -49,9 +48,9 @@ class AcceptedFit(NamedTuple):
     """The newest live fit of an axis that the estimates of this axis use.
 
     `null_p`: p-value of the null test for white noise; None before the first fit. It is rounded to three
-    digits, since the last digits of a fit depend on the kind of processor. `stands`: the newest fit with a
-    stable verdict, which is one that two accepted fits in a row had. `tracked_model`: the noise model that
-    the bias tracker uses.
+    digits, since the last digits of a fit depend on the kind of processor. `stands`: the newest fit whose
+    verdict is stable; a verdict becomes stable when two accepted fits in a row have it. `tracked_model`: the
+    noise model that the bias tracker uses.
     """
 
     null_p: float | None = None
@@ -61,7 +60,7 @@ class AcceptedFit(NamedTuple):
     tracked_model: TrackedModel | None = None
 
     def followed_by(self, refitted: AxisRefit, maker: TrackedModelMaker) -> "AcceptedFit":
-        """Return the accepted fit that the estimates use after a refit, `refitted`, in place of this one."""
+        """Return the accepted fit that replaces this one after the refit `refitted`."""
         fit, tracked_model = refitted.fit, maker.tracked_model(refitted.noise, self.tracked_model)
         agreed = self.fit is not None and self.fit.verdict == fit.verdict and fit.verdict not in NO_VERDICT
         stands = fit if agreed or (self.stands and self.stands.verdict == fit.verdict) else self.stands
@@ -76,7 +75,7 @@ class Tracks(Protocol):
     """A tracker of the biases of one sensor's axes."""
 
     def maker(self, axis: str) -> TrackedModelMaker:
-        """Return an object that makes a tracker model from an axis's samples until now."""
+        """Return an object that makes tracker models from the samples of an axis remembered until now."""
 
     def remembered(self, axis: str) -> Remembered:
         """Return the newest samples of an axis, which the tracker remembers."""
@@ -89,10 +88,13 @@ class _Begun(NamedTuple):
     samples: int
     refit: Refit
     refits: dict[str, Callable[[], tuple[AxisFit, AcceptedFit]]]
-    """For each axis, a function that returns the new fit, and the accepted fit from when it takes effect on.
+    """For each axis, a function that returns the fit that this refit makes, and the accepted fit that the
+    estimates use once the refit has taken effect.
     """
     refilters: int
-    """Number of the sample after which the fit worker filters the remembered samples with the new models."""
+    """When the device stream has processed the sample of this number, the fit worker begins to filter the
+    remembered samples with the new models.
+    """
     refiltered: tuple[Callable[[], None], ...] = ()
     """For each axis, a function that waits until the axis's remembered samples are filtered."""
 
@@ -117,14 +119,11 @@ class Sums:
 
     @property
     def has_news(self) -> bool:
-        """Whether a step or a change of the noise was noticed since the call of `note`."""
+        """Whether a step or a change of the noise was noticed since the last call of `note`."""
         return self._notices() != self._noticed
 
     def note(self) -> None:
-        """Remember that a refit takes account of everything that was noticed so far.
-
-        The sums notice steps and changes of the noise.
-        """
+        """Remember that a refit begins, to which the steps and changes noticed so far are known."""
         self._noticed = self._notices()
 
     def _notices(self) -> int:
@@ -197,13 +196,13 @@ class LiveFits:
             self._begun = self._begun._replace(refit=self._begun.refit._replace(counts=1))
 
     def bridge(self, count: int) -> None:
-        """End the present stretch of samples, since at least `count` samples are missing."""
+        """End the present stretch of samples, after which `count` or more samples are missing."""
         for sums in self._sums.of_sensors.values():
             sums.skip(max(count, BREAK))
 
     @property
     def due(self) -> int:
-        """Number of the next sample after which `refit` is to be called."""
+        """Number of a coming sample: when it has been processed, `refit` has to be called."""
         if not self._sums.of_sensors:
             return NEVER
         refilters = NEVER if self._begun is None else self._begun.refilters
@@ -211,14 +210,14 @@ class LiveFits:
 
     @property
     def counts(self) -> int:
-        """Number of the sample after which the refit that has begun takes effect."""
+        """Number of a coming sample: when it has been processed, the refit that has begun takes effect."""
         return NEVER if self._begun is None else self._before_first + self._begun.refit.counts
 
     def refit(self, moment: Moment, tracks: Callable[[str], Tracks]) -> None:
-        """Begin a refit if one is due. Shortly before a refit takes effect, prepare the tracker for it.
+        """Begin a refit if one is due, and prepare the tracker for a refit that will soon take effect.
 
-        To prepare the tracker, the fit worker filters the samples that the tracker remembers with the new
-        model.
+        To prepare the tracker, the fit worker filters the samples that the tracker remembers, with the new
+        noise model.
 
         `moment`: number and times of the last processed sample; its number is at least the attribute `due`.
         `tracks`: function that returns the tracker of the sensor to which an axis belongs.

@@ -194,8 +194,8 @@ class Pipeline:
         found = list(self._fits.counted())
         self._sensors.go_by_fits(self.device)
         self._set_fit_times()
-        # The records of the fit are yielded only after the objects of the sensors use that fit: an output
-        # that receives these records also needs the new verdicts, which `words` holds for the next samples.
+        # The records of the fit come after `go_by_fits`. An output that receives them also reads `words`,
+        # which has the new verdicts only then.
         yield from found
 
     def _on_fit_due(self, details: None) -> Iterator[Output]:
@@ -229,9 +229,9 @@ class Pipeline:
             yield self.stats()
 
     def _note_offset(self) -> None:
-        """Take the source's present offset from host time to Unix time, unless the first epoch has begun.
+        """Before the first epoch, follow the source's offset from host time to Unix time.
 
-        The offset may change because the source may learn the date only after its first events.
+        This offset changes if the source learns the date only after its first events.
         """
         if not self._decoder.epoch:
             self._time.take_offset()
@@ -279,9 +279,9 @@ class Pipeline:
 
     @property
     def words(self) -> object:
-        """Values, such as verdicts, that are equal in all records of samples until the next `Stop`.
+        """Values, such as verdicts, that are the same in the records of many samples in a row.
 
-        At a stop, the native device returns from a loop over samples.
+        They change only at a `Stop`, where the native device returns from its loop over the samples.
         """
         return self._decoder.epoch, self._sensors.words
 

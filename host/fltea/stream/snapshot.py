@@ -18,8 +18,8 @@ from fltea.settings.config import Config
 from fltea.stream.epoch import Saved
 
 LONGEST_WRAP_S = 30 * 60.0
-"""Longest age of a snapshot for which the number of missing samples follows from the device's clock, which
-wraps every 71.6 minutes [s].
+"""The device's clock starts again from 0 every 71.6 minutes. It shows how many samples are missing since a
+snapshot only if the snapshot is not older than this [s].
 """
 
 
@@ -50,9 +50,9 @@ class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
 def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float) -> int:
     """Return how many samples are missing between a snapshot and the device's present sample.
 
-    The result follows from the samples' numbers if the device has not booted since the snapshot and its clock
-    agrees with these numbers. Otherwise the result is computed from `age_s`, the age of the snapshot [s], and
-    the sampling rate.
+    If the device has kept running, the result is the difference of the two samples' numbers. It is used only
+    if the device's clock agrees. Otherwise the result is computed from the age of the snapshot, `age_s` [s],
+    and the sampling rate.
     """
     known = missing_by_number(state, hello, sequence, device_us, age_s)
     return max(0, round(age_s * hello.rate_hz) - 1) if known is None else known

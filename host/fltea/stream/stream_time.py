@@ -33,8 +33,9 @@ class StreamTime:
 class StatsTimes:
     """Knows when the statistics of a device are due: at the first event of each new period of `stats_s`.
 
-    `fit_worker`, `number`: they determine when the periods of this device begin (`fit_times.turn`).
-    `watched`: if False, no statistics are due.
+    `fit_worker`: knows how many devices there are. `number`: index of this device. The beginning of its
+    periods depends on both (`fit_times.turn`). `watched`: whether an output shows the statistics; if not,
+    none are due.
     """
 
     def __init__(
@@ -47,9 +48,9 @@ class StatsTimes:
         device.stats_due_ns = -NEVER if watched else NEVER
 
     def pass_time(self, now_ns: int) -> bool:
-        """Take notice of an event. Return whether the statistics are due before it.
+        """Take notice of an event, and return whether to publish the statistics before it is processed.
 
-        Before the first event no statistics are due, since nothing has happened yet.
+        At the very first event no statistics are due, since nothing has happened yet.
         """
         if not self._watched or (self._knows_time and now_ns < self._device.stats_due_ns):
             return False

@@ -27,19 +27,20 @@ fit has at least this number of samples, its noise model replaces the bank. A fi
 little of slow noise.
 """
 FEWEST, LIKELIER = 300, 30.0
-"""If a fit has fewer samples than `ENOUGH`, but at least `FEWEST`, its noise model has to be far likelier
-than the tracker's first model, a bank of random walks, to replace it: 2 log L (twice the log likelihood) of
-the samples must be higher by more than `LIKELIER` than with the bank.
+"""The tracker begins with a bank of random-walk models. A fit of fewer than `FEWEST` samples never replaces
+the bank. A fit of fewer than `ENOUGH` samples replaces it only if its noise model is far likelier: with that
+model, 2 log L (twice the log likelihood) is higher by more than `LIKELIER` than with the bank.
 """
 AHEAD_S = 1, 10, 60, 600, 3600
 GROWTH, APART = 1.5, 0.5
-"""After a fit, the tracker gets a new filter in any of three cases: the record has grown by more than the
-factor `GROWTH`; the noise model has other parts than before; or the old noise model would lose at least
-`APART` in log likelihood on a record of the new noise.
+"""After a fit, the tracker gets a new filter in any of these cases. The record has grown by more than the
+factor `GROWTH`. The noise model has other parts than before, or drift has come or gone. Or the old noise
+model describes the new noise badly: its expected log likelihood is lower by at least `APART`.
 """
 EVERY = 2
-"""The search for the step variance of the offset's random walk tries only every second value (`EVERY`) of its
-grid. The bias is as accurate as if all values were tried, and the search takes a fifth of the time.
+"""The drift of the sensor's offset is searched on a grid of step variances, correlation times and slopes.
+Of each, only every second value (`EVERY`) is tried. That takes a fifth of the time, and the bias is as
+accurate as with all values.
 """
 DIGITS = 3
 """Number of significant digits to which the figures of a fit are rounded, since further digits may differ
@@ -56,15 +57,15 @@ class TrackedModel(NamedTuple):
     tracker_model: TrackerModel
     """The noise model in the form that the tracker uses."""
     system: System
-    """State-space system of the noise model. The drift of its offset is the weighted mean of all drifts that
-    the samples allow.
+    """State-space system of the noise model, with the drift of the sensor's offset. The samples allow several
+    drifts; the system has their weighted mean.
     """
     K: Interval
-    """K (rate random walk) of the offset, with its interval."""
-    at_rest: Array
-    """Covariance (n, n) of the state x of `system` after the sensor was at rest for as long as the fitted
-    record.
+    """Rate random walk K of the sensor's offset, with its interval. Empty if the offset may be constant, or
+    if the fitted noise model already has the random walk as a part.
     """
+    at_rest: Array
+    """Covariance (n, n) of the n states of `system`, at the end of a rest as long as the fitted record."""
     h: float
     headings: dict[int, float]
     """Standard deviation of the heading error, by the number of seconds after the sensor's rest has ended.
@@ -91,7 +92,7 @@ class TrackedModelMaker(NamedTuple):
     """Whether the user has given the sensor's offset in the settings."""
 
     def tracked_model(self, noise: Noise | None, before: TrackedModel | None) -> TrackedModel | None:
-        """Return the tracker model to use from now on.
+        """Return the tracker model to use from now on; None for the bank with which a tracker begins.
 
         `noise`: noise model of the newest fit. `before`: the tracker model in use, which is returned if the
         noise has hardly changed, if the fit has too few samples, or if no filter can be made for the new
@@ -126,7 +127,7 @@ class TrackedModelMaker(NamedTuple):
 
 
 def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
-    """Return whether the noise model `noise` is so similar to `before` that the filter can stay."""
+    """Return whether the noise model of the tracker, `before`, also describes the new noise well enough."""
     if noise.samples > GROWTH * before.samples or noise.drifts != before.drifts:
         return False
     if [type(part) for part in noise.parts] != [type(part) for part in before.parts]:
@@ -136,6 +137,6 @@ def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
 
 def _rounded(part: Part) -> Part:
     figures = ((name, getattr(part, name)) for name in part.__struct_fields__)
-    # Integer parameters, which are numbers of samples, are not rounded.
+    # A parameter of a noise part that is an integer, such as the length of a mean, is not rounded.
     rounded = {name: x if isinstance(x, int) else float(f"{x:.{DIGITS}g}") for name, x in figures}
     return with_fields(part, **rounded)

@@ -29,11 +29,13 @@ CHECKED_S = 1, 10, 60
 the samples that follow. These are the durations over which such means are taken [s].
 """
 STILL_S = 10.0
-"""If the samples stay at another value for this time, the tracker takes that value as the new offset [s]."""
+"""If a tilted accelerometer shows another value for this time [s], the tracker takes it as the new offset.
+For a gyroscope this holds only if its rest is known or the new value is nearer to 0 (see `TrackerRules`).
+"""
 
 
 def rules_of(live: LiveConfig, h: float, unit: str) -> TrackerRules:
-    """Return the rules for the tracker of a sensor; `h`: sampling period [s]."""
+    """Return the settings of a sensor's tracker, with times in samples; `h`: sampling period [s]."""
     is_gyro = unit == GYRO_UNIT
     return TrackerRules(
         ahead=max(round(live.bias_s / h), 1),
@@ -42,7 +44,7 @@ def rules_of(live: LiveConfig, h: float, unit: str) -> TrackerRules:
         largest_gravity_step=live.largest_step_ms2,
         still=max(round(STILL_S / h), 1),
         patience=max(round(LONGEST_MOTION_S / h), 1),
-        settles=not is_gyro,  # an accelerometer that stays at another value is tilted, not in motion
+        settles=not is_gyro,  # an accelerometer whose samples stay at a new value was tilted
     )
 
 
@@ -175,9 +177,9 @@ class SensorTracks:
 
 
 def _checks(checked: Sequence[Checked]) -> dict[int, BiasCheck]:
-    """Return how well the bias predicted the mean of the samples after it.
+    """Return how far the bias was from the mean of the samples that followed, as multiples of its own σ.
 
-    The result has an entry for each length of time in `CHECKED_S` for which a check is complete.
+    The result has an entry for each duration in `CHECKED_S` [s] over which such a mean is complete.
     """
     found = zip(CHECKED_S, checked, strict=True)
     return {t_s: BiasCheck(one.pieces, one.rms) for t_s, one in found if one.rms is not None}

@@ -14,8 +14,8 @@ STEP = 0.1
 confidence interval.
 """
 LEAST_R = 1e-3
-"""Smallest ratio of R, the variance of the white noise, to s2, the variance of a step of the state. From the
-samples, a smaller R cannot be distinguished from 0, and a filter needs R > 0.
+"""R is the variance of the white noise, and s2 that of a step of the state. A filter gets an R of at least
+this many times s2, since it needs R > 0. A smaller R cannot be told from 0 by the samples.
 """
 
 
@@ -30,14 +30,18 @@ class HandedOver(NamedTuple):
 
 
 def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
-    """Return s2, R and the order of a fit, rounded to three digits; None if the order is not known.
+    """Return what a filter takes from a fit, rounded to three digits; None if it takes nothing.
 
-    s2 is the variance of a step of the state, and R that of the white noise. Both may be uncertain by a
-    factor of ten although the order α is known, since more white noise with a smaller state has nearly the
-    same spectrum. So α and f are used only with s2 and R of the same fit. The result is also None in three
-    more cases: the noise has passed a low-pass or high-pass filter, which Q and R do not describe; the
-    filters do not accept the order or the variances; or both variances are unchanged. `in_use`: the variances
-    that the filter uses now; None if it has none from a fit.
+    It takes s2 (variance of a step of the state), R (variance of the white noise), α and f. All four have to
+    come from the same fit: s2 and R may be wrong by a factor of ten although α is right, since a smaller
+    state in more white noise has nearly the same spectrum. The result is None in any of these cases:
+
+        The order is not known, or its interval is too wide.
+        The noise has passed a low-pass or high-pass filter, which s2 and R do not describe.
+        The filter does not accept the order or the variances.
+        Both variances are unchanged.
+
+    `in_use`: the variances that the filter uses now; None if they do not come from a fit.
     """
     s2, R = fit.s2.value, fit.R.value
     filter_model = _filter_model(fit)
@@ -53,8 +57,8 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
 def _filter_model(fit: AxisFit) -> FilterModel | None:
     alpha, F, f = _with_std(fit.alpha), _with_std(fit.F), _with_std(fit.f)
     if fit.low_pass is not None or fit.high_pass is not None or alpha is None or F is None or f is None:
-        # If the order is not known, there is no filter model. If the samples have passed a low-pass or
-        # high-pass filter, the figures describe the noise before that filter.
+        # The order is not known, or the samples have passed a low-pass or high-pass. In the latter case, the
+        # fit describes the noise before that low-pass or high-pass, but the filter sees the noise behind it.
         return None
     filter_model = FilterModel(*alpha, *F, *f)
     return (
