@@ -48,11 +48,11 @@ class Located(NamedTuple):
     item: Frame | Refused | BadFrame
     """A frame other than SAMPLE, a refused HELLO, or a bad frame."""
     end: int
-    """Where the item ends: the number of bytes from the first one passed to the call up to and including the
-    item's closing 0x00.
+    """Where the item ends: the number of bytes from the first one passed to `feed` in this call up to and
+    including the item's closing 0x00.
 
-    A COBS block that is too long is reported before its 0x00 arrives. It ends with the first byte beyond the
-    limit.
+    A COBS block that is too long is reported before its 0x00 arrives. It counts as ending with the first byte
+    beyond the limit.
     """
 
 

@@ -14,8 +14,8 @@ HEX_BYTES_SHOWN = 24
 
 
 FLAGS: dict[type[wire.Message], type[IntFlag]] = {wire.Estimate: wire.EstimateFlags, wire.Fit: wire.FitFlags}
-"""Meanings of the bits in the field `flags` of a message. Messages that are not listed have the flags of
-SAMPLE.
+"""For two types of messages, the meanings of the bits in their field `flags`. In any other message with such
+a field, the bits have the same meanings as in SAMPLE.
 """
 
 

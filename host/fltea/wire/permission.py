@@ -60,8 +60,8 @@ RULES = {
     "dialout": "sudo make install-udev, in a clone of fltea; then plug the board in again",
     "i2c": 'KERNEL=="i2c-[0-9]*", GROUP="i2c", MODE="0660"',
 }
-"""Remedies by the usual group of serial ports and of I²C buses. Each remedy is a udev rule that gives the
-group access, or says how to install such a rule.
+"""Device files usually belong to the group "dialout" (serial ports) or "i2c" (I²C buses). If one does not,
+this is the remedy: a udev rule that gives it to that group, or the command that installs such a rule.
 """
 
 
