@@ -3,15 +3,16 @@
 The filter has white noise, a random walk of the bias, and Gauss-Markov states:
 
     rate = bias + the states + white noise with variance N²/h per sample
-    bias: walks by K² h per sample; after the last sample it is `bias` with a deviation of `bias_std`
-    a state: x_k = exp(-h/τ) x_k-1 + noise with variance σ² (1 - exp(-2 h/τ)); its deviation is σ at first
+    bias: its steps have the variance K² h; at the start it is `bias`, with a standard deviation of `bias_std`
+    a state: x_k = exp(-h/τ) x_k-1 + noise with variance σ² (1 - exp(-2 h/τ)); it starts at 0 ± σ
 
-One least-squares fit finds N, K, the σ of each τ, and `bias_std`, so that two curves equal those of the
-tracked system. The first is the spectrum, which determines how a filter learns from further samples. The
-second is the heading's variance over time if only `bias` is subtracted after the end of the record. Such a
-filter has no slope. A slope that was found is replaced by a random walk that gets as far within the record.
-The filter has no high-pass either: it assumes that the noise continues below the corner, so that it predicts
-a larger heading error than the samples have.
+N, K, `bias_std` and the σ of each τ come from a least-squares fit to two curves of the tracked system. One
+curve is the spectrum, which determines how the filter learns from further samples. The other is the variance
+of the heading after the end of the record, over time, if only `bias` is subtracted from the rates.
+
+The filter has no slope. A slope that was found is replaced by a random walk that moves equally far in a time
+as long as the record. The filter has no high-pass either. It assumes that the noise continues below the
+corner of a high-pass, so it predicts a larger heading error than the samples have.
 """
 
 import math
@@ -102,7 +103,9 @@ class NavigationFilter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gauss_markov: tuple[FilterState, ...]
     """The states, from the slowest to the fastest; may be empty."""
     bias: float
-    """The bias after the last sample of the record, without the values of the Gauss-Markov states then."""
+    """Estimate of the bias after the last sample of the record. The values that the Gauss-Markov states have
+    at this time are not part of it.
+    """
     bias_std: float
     heading_std: tuple[HeadingStd, ...]
     """Standard deviation of the heading at several times, by which users can check their implementation of
@@ -144,7 +147,8 @@ def navigation_filter(tracked: FittedSystem, y: Array, h: float) -> NavigationFi
     target = _Target(lam, _power(model, always, lam, len(y)), times_s, heading)
     found, tau_s = _folded(*_fitted(target, tau_s, h), h)
     known = float(part @ P @ part)
-    if found[2] < NOTHING_LEFT * known:  # the fit explained the bias's error by the Gauss-Markov states
+    # The fit may attribute the error of the bias to the Gauss-Markov states, and leave none for `bias_std`.
+    if found[2] < NOTHING_LEFT * known:
         found[2] = known
     N, K, bias_std, *sigmas = np.sqrt(found).tolist()
     ahead = np.sqrt(_headings(tau_s, h, np.array(TOLD_S)) @ found).tolist()
@@ -193,9 +197,10 @@ def _frequencies(tracked: FittedSystem, h: float, samples: int) -> Array:
 
 
 def _of_bias(model: System, slow: float) -> Array:
-    """Return the row vector whose product with the tracked system's state x is the plain filter's bias.
+    """Return the row vector `part` for which part @ x is the filter's bias; x: state of the tracked system.
 
-    The bias is the sum of those states of the tracked system that remember more than `slow` samples.
+    The bias is the sum of what those entries of x add to the samples that decay over more than `slow`
+    samples.
     """
     with np.errstate(divide="ignore"):
         memory = -1 / np.log(np.minimum(np.hypot(model.a, model.b), 1 - 1e-15))
@@ -203,14 +208,15 @@ def _of_bias(model: System, slow: float) -> Array:
 
 
 def slope_of(model: System) -> Mask:
-    """Return a mask of the state that is the slope of the offset; a plain filter has no such state."""
+    """Return a mask of the model's states: true for a slope of the offset, which a plain filter lacks."""
     return np.asarray((model.a < 1.0) & (np.diag(model.Q) == 0.0), dtype=np.bool_)
 
 
 def _always(model: System, x: Array, P: Array) -> Array:
-    """Return the stationary mean squares of the tracked system's states.
+    """Return the stationary mean squares and products of the tracked system's states, (N, N).
 
-    A slope is not stationary. For a slope the result is its mean square as estimated at the record's end.
+    An offset and a slope are not stationary. The result is 0 for an offset. For a slope it is the mean square
+    that was estimated at the record's end.
     """
     moving, slope = model.a < 1.0, slope_of(model)
     always = model.P0 * np.outer(moving, moving)
@@ -222,7 +228,7 @@ def _always(model: System, x: Array, P: Array) -> Array:
 def _power(model: System, always: Array, lam: Array, samples: int) -> Array:
     """Return the spectrum of the tracked system.
 
-    A slope is replaced by a random walk that gets as far within the record.
+    A slope is replaced by a random walk that moves equally far in a time as long as the record.
     """
     slope = slope_of(model)
     per_sample = float((np.diag(always) * (1 - model.a) ** 2)[slope].sum())
@@ -232,14 +238,14 @@ def _power(model: System, always: Array, lam: Array, samples: int) -> Array:
 def _heading_variance(model: System, part: Array, always: Array, P: Array, h: float, times_s: Array) -> Array:
     """Return the mean square of the heading's error at each time, if the estimated bias is subtracted.
 
-    x is the state of the tracked system at the record's end, and E x is its estimate.
+    x is the state of the tracked system at the record's end, and E x is its estimate. After t seconds, the
+    true angle is row @ x plus noise; `Ahead` has the row vector `row` and the noise's variance. The estimated
+    bias is part @ E x, so the angle t part @ E x is subtracted. This leaves the error
+
+        (row - t part) @ x  +  t part @ (x - E x)  +  noise
 
     `part`: row vector; part @ x is the bias. `always`: stationary mean squares of x. `P`: covariance of the
     error x - E x, which is also the covariance of this error with x.
-
-    After t seconds the angle is row @ x plus noise; `Ahead` has the row vector `row` and the noise's
-    variance. The angle that is subtracted is t part @ E x. So the heading's error is the sum of three terms:
-    (row - t part) @ x, t part @ (x - E x), and the noise.
     """
     moving = model.a < 1.0
     found = []
@@ -251,9 +257,10 @@ def _heading_variance(model: System, part: Array, always: Array, P: Array, h: fl
 
 
 def _spectra(tau_s: Sequence[float], h: float, lam: Array) -> Array:
-    """Return the spectra of a filter's noises, one noise in each column.
+    """Return the spectrum of each noise of a filter, (frequencies, noises).
 
-    The columns are for N² = 1, K² = 1, a variance of the bias of 1, and σ² = 1 of each Gauss-Markov state.
+    The columns are: white noise with N² = 1; a random walk with K² = 1; an error of the bias with variance 1,
+    whose spectrum is 0, since it is constant; each Gauss-Markov state with σ² = 1.
     """
     phi = np.exp(-h / np.array(tau_s))
     states = (1 - phi**2) / (1 - 2 * phi * np.cos(lam)[:, None] + phi**2)
@@ -262,9 +269,10 @@ def _spectra(tau_s: Sequence[float], h: float, lam: Array) -> Array:
 
 
 def _headings(tau_s: Sequence[float], h: float, times_s: Array) -> Array:
-    """Return the variances of the heading that a filter's noises cause, one noise in each column.
+    """Return the variance of the heading that each noise of a filter causes, (times, noises).
 
-    The columns are for N² = 1, K² = 1, a variance of the bias of 1, and σ² = 1 of each Gauss-Markov state.
+    The columns are: white noise with N² = 1; a random walk with K² = 1; an error of the bias with variance 1;
+    each Gauss-Markov state with σ² = 1.
     """
     tau = np.array(tau_s)
     over = times_s[:, None] / tau
@@ -273,9 +281,10 @@ def _headings(tau_s: Sequence[float], h: float, times_s: Array) -> Array:
 
 
 def _solved(target: _Target, tau_s: Sequence[float], h: float) -> tuple[Array, float]:
-    """Return the squares of N, K, bias_std and the σ of each state, and the relative error of the fit (RMS).
+    """Fit a filter to two curves: the spectrum, and the heading's variance over time.
 
-    Two curves are fitted: the spectrum, and the heading's variance over time.
+    Return an array with the squares of N, K, bias_std and the σ of each state, and the root mean square of
+    the relative errors of the fit. Both curves count equally.
     """
     rows = np.vstack(
         [

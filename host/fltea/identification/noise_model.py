@@ -51,8 +51,8 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     K is 0 if one of the parts is a random walk.
     """
     offset_relaxation: Relaxation | None = None
-    """A bounded walk of the offset, as a relaxation (first-order Gauss-Markov process). The forecast has it
-    in addition to the parts.
+    """A random walk of the offset that is bounded, modelled as a relaxation (first-order Gauss-Markov
+    process). The forecast has it in addition to the parts. None if there is no such walk.
     """
 
     def __post_init__(self) -> None:
@@ -68,16 +68,19 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def walk(self) -> float:
-        """K² of all unbounded random walks together; 0 if there is a high-pass, which bounds them."""
+        """Sum of K² of the offset's random walk and of the unbounded random walks in `parts`.
+
+        Behind a high-pass, the walks in `parts` are bounded, so they do not count.
+        """
         endless = 0.0 if high_pass_of(self.parts) else sum(p.K**2 for p in self.parts if isinstance(p, Walk))
         return self.offset_walk**2 + endless
 
 
 def modelled(model: FittedModel, peaks: tuple[Peak, ...], std: float, h: float) -> AxisModel:
-    """Return the noise model that consists of a fitted model and the peaks that were left out of the fit.
+    """Return the noise model of an axis: the parts of a fitted model, and peaks left out of the fit.
 
-    `std`: standard deviation of all samples, to which the peaks' shares of power refer. `h`: sampling period
-    [s].
+    `std`: standard deviation of all samples. The variance of a peak is its share of power times std². `h`:
+    sampling period [s].
     """
     return AxisModel(
         cast(tuple[AnyPart, ...], model.parts(h)),
@@ -100,7 +103,7 @@ def model_spectrum(model: AxisModel, lam: Array, h: float) -> Array:
         half = r.width_hz / 2
         shape = 1 / (1 + ((frequency_hz - r.frequency_hz) / half) ** 2)
         low, high = np.arctan(np.array([-r.frequency_hz, 0.5 / h - r.frequency_hz]) / half)
-        # The mean of the spectrum between 0 and the Nyquist frequency has to be the variance.
+        # scaled so that the resonance's mean spectrum from 0 to the Nyquist frequency is its variance
         total = total + r.variance * shape * (0.5 / h) / (half * (high - low))
     return total
 
@@ -130,8 +133,8 @@ def draw(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> tuple[
 
     Returns the samples y (n,), and x (n,), the same noise without its white part.
 
-    Oscillations with a period of more than AROUND records are left out, since they act as an offset. The slow
-    oscillations of a random walk are kept.
+    Oscillations with a period of more than AROUND records are mostly left out, since within one record they
+    are like an offset. Of a random walk's slow oscillations, the slope within the record is added.
     """
     return next(draws(model, h, n, rng))
 
@@ -142,8 +145,8 @@ def draws(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> Itera
     lam = 2 * np.pi * np.arange(1, circle // 2 + 1) / circle
     R = model.white
     size = np.sqrt(np.maximum(model_spectrum(model, lam, h) - R, 0.0) * (circle / 2))
-    # The noise is drawn with a period of `circle` samples, over which a walk's steps have the mean 0. In a
-    # real walk this mean is random. It is added as a slope.
+    # The noise is drawn with a period of `circle` samples, so the steps of a random walk add up to 0 over a
+    # period. The steps of a real walk add up to a random sum. It is added as a slope.
     tilt = math.sqrt(model.walk * h / circle)
     while True:
         waves = np.zeros(circle // 2 + 1, dtype=np.complex128)

@@ -140,8 +140,8 @@ def examine(
     """
     analysis, series, out, telegraph = analyse_series(series, h, options, left_out)
     result = described(analysis)
-    # This checks whether FLTEA can be run, even if FLTEA was not asked for. So the same recordings are
-    # accepted in both cases.
+    # `why_not` also raises an error if FLTEA cannot be run with these samples. It is called even if FLTEA was
+    # not asked for, so that a recording is accepted either in both cases or in none.
     why_no_path = fltea_axis(analysis, series.lsb, options).why_not(h)
     model = modelled(analysis.figures.model, result.peaks, result.std, h)
     curve, drawn, reason = None, None, ""

@@ -29,8 +29,8 @@ def with_steps(tracked: FittedSystem, steps: Sequence[BiasStep], h: float) -> Fi
         system = _walking(tracked.system, math.fsum(one.size**2 for one in steps) / tracked.samples)
     else:
         apart, every_s = popcorn
-        # The levels are ± apart / 2. The bias leaves each level at the rate 1 / every_s, so its correlation
-        # decays at twice this rate.
+        # The levels are apart / 2 above and below their mean. The bias changes from either level to the other
+        # at the rate 1 / every_s, so its correlation decays at twice this rate.
         system = tracked.system.with_relaxation((apart / 2) ** 2, math.exp(-2 * h / every_s))
     return tracked._replace(system=system, steps_recur=True)
 

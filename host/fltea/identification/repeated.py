@@ -8,10 +8,11 @@ Then the proportion q of repeated samples is the root of
     J = q + (1 - q) Π (m_i - q) / (1 - q)
 
 No assumption on distribution or autocorrelation is needed. Two things make axes agree without a repeat. The
-first is noise whose power changes. Then each sample also equals the sample after the next one more often; and
-in each of 32 parts of the record J exceeds the product Π m_i only a little. The second is vibration, which
-correlates the steps of the axes. Then J may exceed Π m_i by a factor that follows from the correlation matrix
-of the steps (`_alike`).
+first is noise whose power changes: in quiet times, all axes have many equal neighbours. But then samples two
+apart are often equal on all axes, too. And within each of 32 short parts of the record, where the power
+hardly changes, J is hardly above the product Π m_i. The second is vibration, which correlates the steps of
+the axes. Then J may exceed Π m_i by a factor that follows from the correlation matrix of the steps
+(`_alike`).
 
 For a single axis, the expected proportion of equal neighbours follows from the proportions of steps of one
 and two counts.
@@ -30,7 +31,9 @@ from fltea.records.arrays import Array
 Equal = NDArray[np.bool_]
 
 PARTS = 32
-"""Number of parts of the record; their scatter gives the error for any autocorrelation."""
+"""Number of parts of the record. Proportions of equal neighbours are computed for each part. The scatter over
+the parts gives the error of such a proportion, whatever the autocorrelation of the samples is.
+"""
 SIGNIFICANT = 5.5
 """Threshold for Student's t with PARTS - 1 degrees of freedom; chance exceeds it once in 400,000 cases."""
 LEAST_DETERMINANT = 1e-3
@@ -39,15 +42,15 @@ even more alike count as one axis.
 """
 HALVINGS = 40
 FINE_COUNTS = 3.0
-"""If the standard deviation of the steps is above this, rounding no longer changes the density of the steps
-[LSB].
+"""If the standard deviation of the steps between samples is above this [LSB], the proportion of equal
+neighbours is one count times the density of the steps at 0, as if samples were not rounded.
 """
 UNIFORM_LSB = 0.7
-"""Chance can be computed only if the values before rounding are spread evenly within a count. They are if σ
-is above this [LSB], even if the distribution has heavy tails.
+"""The number of neighbours that are equal by chance can be computed only if the values before rounding are
+spread evenly within a count. They are if their σ is above this [LSB], even with heavy tails.
 
-The sums of neighbouring samples, divided by √2, have to exceed it as well; in white noise they have the same
-σ.
+The sums of two neighbouring samples have to be spread evenly, too. Such a sum divided by √2 has the σ of a
+sample in white noise, so it is compared with the same limit.
 """
 LONG = 1 << 20
 """If there are more steps (differences of successive samples) than this, the correlation between axes is
@@ -64,13 +67,14 @@ line: their standard deviation from it is less than IN_STEP [samples].
 Changes at an exactly steady rate are rounded to whole samples, with a standard deviation of 0.29 samples.
 """
 TAILS = 1.15
-"""With other distributions of the steps, equal neighbours are at most this many times as frequent as with
-Gaussian steps.
+"""The expected number of equal neighbours on a single axis is that of Gaussian steps. With other
+distributions of the steps, equal neighbours are at most this many times as frequent.
 """
 _STEPS = np.geomspace(0.6, 2 * FINE_COUNTS, 400)
-"""Standard deviations of steps before rounding [LSB] for which shares of equal neighbours are computed.
+"""Standard deviations of Gaussian steps [LSB]. For each, the proportions of steps are computed that are 0, 1
+and 2 counts long after rounding.
 
-With smaller standard deviations, only heavy tails produce steps of two counts.
+With standard deviations below the first, only heavy tails would produce steps of two counts.
 """
 
 
@@ -122,8 +126,8 @@ def _of_several(near: NDArray[np.bool_], far: NDArray[np.bool_], steps: list[NDA
     over = together - np.minimum(alike * each.prod(axis=0), each.min(axis=0))
     spread = float(over.std(ddof=1)) / math.sqrt(PARTS)
     sure = share - share_far > SIGNIFICANT * error and float(over.mean()) > SIGNIFICANT * spread
-    # With fine counts hardly any neighbours are equal by chance, so a few that are equal on all axes prove
-    # repeats.
+    # If the counts are much finer than the noise, hardly any neighbours are equal on all axes by chance. Then
+    # a few such neighbours prove repeats, and the tests above are not needed.
     chance = max(alike * float(near.mean(axis=1).prod()) * pairs, float(all_far.sum()))
     few = same > 3 + 1.5 * chance + 6 * math.sqrt(chance)
     repeated = (share - max(share_far, 0.0) if share_far < share / 2 else share) * pairs
@@ -131,7 +135,7 @@ def _of_several(near: NDArray[np.bool_], far: NDArray[np.bool_], steps: list[NDA
 
 
 def _alike(steps: list[NDArray[np.float32]], moved: Equal) -> float:
-    """Return by what factor correlated steps make axes agree more often than independent ones."""
+    """Return how many times as often all axes have equal neighbours at once as with independent steps."""
     if int(moved.sum()) < PARTS or not all(one[moved].var(dtype=np.float64) > 0 for one in steps):
         return 1.0  # the steps are so small that their squares are 0
     correlation = np.atleast_2d(np.corrcoef([one[moved] for one in steps]))
@@ -139,7 +143,7 @@ def _alike(steps: list[NDArray[np.float32]], moved: Equal) -> float:
 
 
 def _repeated(each: NDArray[np.bool_], together: Equal) -> tuple[float, Array]:
-    """Return the proportion q of repeated samples, and q if each part in turn is left out, (PARTS,)."""
+    """Return the proportion q of repeated samples, and q of the record without each of PARTS parts."""
     own, all_of_them = _shares(each), _shares(together)
     others = (PARTS * own.mean(axis=1)[:, np.newaxis] - own) / (PARTS - 1)
     left_out = _root((PARTS * all_of_them.mean() - all_of_them) / (PARTS - 1), others)
@@ -147,7 +151,7 @@ def _repeated(each: NDArray[np.bool_], together: Equal) -> tuple[float, Array]:
 
 
 def _shares(equal: NDArray[np.bool_]) -> Array:
-    """Return the mean of the values (..., n) in each of PARTS parts, (..., PARTS).
+    """Return the mean of the values (..., n) in each of PARTS equal parts of the record, (..., PARTS).
 
     A few values at the end are ignored.
     """
@@ -159,8 +163,8 @@ def _shares(equal: NDArray[np.bool_]) -> Array:
 def _root(together: Array, each: Array) -> Array:
     """Return the proportion q of repeated samples, (k,), by the equation in the module's docstring.
 
-    `together`: proportion J of samples that equal the one before on all axes, (k,). `each`: the same for each
-    axis, (axes, k). q < 0 if J is less than by chance.
+    `together`: J, the proportion of neighbours that are equal on all axes, (k,). `each`: m_i, the proportion
+    on each axis, (axes, k). q is negative if J is less than the product of the m_i.
     """
     low, high = np.full(together.shape, -1.0), each.min(axis=0)
     for _ in range(HALVINGS):
@@ -185,7 +189,10 @@ def _change_every(equal: Equal) -> float | None:
 
 
 def _usual_gap(samples: Array) -> float | None:
-    """Return the usual distance between values that were rounded to uneven steps; None if not rounded."""
+    """Return the usual distance between neighbouring values of rounded samples; None if they are not rounded.
+
+    Unlike `resolution.step`, this works with values at uneven distances, too.
+    """
     some = thin(samples)
     values = np.unique(some)
     if len(values) > DIFFERENT * len(some):
@@ -206,8 +213,8 @@ def _of_one_axis(samples: Array, count: float | None) -> Repeats:
     if spread >= FINE_COUNTS:
         expected = pairs / (spread * math.sqrt(2 * math.pi))
         return Repeats(same, pairs, expected, same > 3 + 1.5 * expected + 6 * math.sqrt(expected), every)
-    # Two neighbours on opposite sides of the middle of a count are rounded to the same count, although the
-    # step between them may be large. The sums of such neighbours vary little, so their spread is tested, too.
+    # If samples alternate about a value, two neighbours may be rounded to the same count although the step
+    # between them is large. The sums of such neighbours hardly vary, so their spread is tested, too.
     sums = samples[1:] + samples[:-1]
     if min(float(samples.std()), float(sums.std()) / math.sqrt(2)) < UNIFORM_LSB * count:
         return Repeats(same, pairs, float(same), False, every)
@@ -225,8 +232,8 @@ def _none(one: Array, two: Array) -> Array:
     `one`, `two`: proportions of steps that are one and two counts long, up or down.
     """
     chance = [_rounded_step(k) for k in range(3)]
-    # If steps of two counts are rarer than for the smallest standard deviation in `_STEPS`, the noise is so
-    # small that all equal neighbours count as chance.
+    # If steps of two counts are rarer, in proportion to steps of one count, than for the smallest standard
+    # deviation in `_STEPS`, the noise is so small that all equal neighbours count as chance.
     known = two > one * (chance[2] / chance[1])[0]
     ratio = np.interp(two / np.maximum(one, 1e-12), chance[2] / chance[1], chance[0] / chance[1] / 2)
     return np.where(known, one * ratio, 1.0)

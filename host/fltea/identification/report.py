@@ -50,7 +50,7 @@ def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
 
 
 def _prefixes(reports: Sequence[FileReport]) -> list[str]:
-    """Return for each recording the prefix of its files' names; prefixes that would be equal are numbered."""
+    """Return for each recording how the names of its files begin; equal beginnings get a number."""
     found: list[str] = []
     for report in reports:
         stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(report.name).stem).strip("._") or "recording"
@@ -135,7 +135,7 @@ def _axis(name: str, axis: AxisReport, drawn: dict[str, str]) -> Iterator[str]:
 
 
 def _figures(axis: AxisReport, drawn: dict[str, str], kinds: Sequence[str]) -> str:
-    """Return the pictures of these kinds, as far as the axis has them."""
+    """Return the pictures of the given kinds as HTML, except kinds that were not drawn."""
     found = [
         f"<figure>{drawn[kind]}<figcaption><b>{escape(figures.TITLES[kind][0])}.</b> "
         f"{escape(figures.meaning(kind, axis))}</figcaption></figure>"

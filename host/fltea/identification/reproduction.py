@@ -41,17 +41,21 @@ class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     tau_s: tuple[float, ...]
     ratio: tuple[float, ...]
-    """Ratio of the Allan deviations, model to data: its median over records of the model's noise.
+    """The Allan deviation of a record of the model's noise, divided by that of the data: median over records.
 
     These records are as long as the data.
     """
     low: tuple[float, ...]
-    """Ratio of the Allan deviations, model to data: its 5 % quantile over records of the model's noise."""
+    """The Allan deviation of a record of the model's noise, divided by that of the data: 5 % quantile over
+    records.
+    """
     high: tuple[float, ...]
-    """Ratio of the Allan deviations, model to data: its 95 % quantile over records of the model's noise."""
+    """The Allan deviation of a record of the model's noise, divided by that of the data: 95 % quantile over
+    records.
+    """
     within: tuple[bool, ...]
-    """Whether the model is accepted: the median ratio of the Allan deviations, model to data, is off from 1
-    by at most 10 %, or by at most four standard deviations of the ratio over records of the model's noise.
+    """Whether the model is accepted. It is if `ratio` is off from 1 by at most 10 %, or by at most four times
+    the standard deviation that this ratio has over records of the model's noise.
     """
     from_s: float | None
     to_s: float | None
@@ -71,8 +75,8 @@ def reproduction(curve: Allan, h: float, model: AxisModel) -> Reproduction:
     low, middle, high = (
         np.sqrt(chi2_quantile(p, degrees) / degrees) * deviation / data for p in (0.05, 0.5, 0.95)
     )
-    # The square of the Allan deviation is chi-squared distributed. The logarithm of the square has twice the
-    # standard deviation of the logarithm of the deviation.
+    # The square of the Allan deviation is chi-squared distributed, and `chi2_log_std` is the standard
+    # deviation of its logarithm. The logarithm of the deviation itself is half of that logarithm.
     spread = chi2_log_std(degrees) / 2
     within = np.abs(np.log(middle)) <= np.maximum(math.log1p(CLOSE), SPREADS * spread)
     longest = _longest(within)
@@ -103,7 +107,8 @@ def expected(model: AxisModel, h: float, factors: Array, terms: Array) -> tuple[
         model: the noise model.
         h: sampling period [s].
         factors: averaging times in samples, (k,).
-        terms: numbers of differences of neighbouring means in the record, (k,).
+        terms: for each averaging time, the number of differences of neighbouring means that the Allan
+            deviation of the record averages, (k,).
     """
     narrow = tuple(one for one in model.resonances if one.width_hz < NARROW * one.frequency_hz)
     wide = tuple(one for one in model.resonances if one not in narrow)

@@ -37,10 +37,10 @@ def step(y: Array) -> float | None:
 
 
 def decimals(quantum: float, unit: str) -> str:
-    """Return the step in the file's unit, such as "0.01 rad/s", if it is a power of ten; else "".
+    """Return the rounding step in the file's unit, as "0.01 rad/s", if it is a power of ten; else "".
 
-    `quantum`: the step in `unit`. No known sensor has counts of a power of ten, so such a step means that
-    decimals were cut off.
+    `quantum`: the rounding step in `unit`. The counts of no known sensor are a power of ten. So such a
+    rounding step means that decimals were cut off.
     """
     for name in WRITTEN_IN.get(unit, ()) or (unit,):
         written = quantum * factor(unit, name) if name != unit else quantum

@@ -251,9 +251,10 @@ class _Loop(HandOut[_Task]):
         self._total += len(tasks)
 
     def _watch(self, task: _Task) -> None:
-        """Once all axes of a recording are analysed, plan the task that tracks their biases.
+        """After the analysis of all axes of a recording, plan the task that tracks their biases.
 
-        After the last analysis, plan the task that computes bias, forecast and filter instead.
+        If the axes were analysed for the last time, plan the task that computes bias, forecast and filter
+        instead.
         """
         assert task.of is not None
         of, axes = task.of, {axis.name: axis.series for axis in task.of.axes if axis.found is not None}

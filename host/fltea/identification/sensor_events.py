@@ -34,17 +34,15 @@ from fltea.stream.tracking import rules_of
 LONG = IN_A_ROW * CHUNK
 """A span of more samples than this counts as motion only if the rate changes smoothly from sample to sample.
 
-If the rate is not smooth in such a span, the samples are noise whose power has grown, which the verdict
-reports.
+Otherwise the span is noise whose power has grown, which the verdict reports.
 """
 FAST_S = 1.0
 """A relaxation (a first-order Gauss-Markov process) whose correlation time is at most this [s] cannot be
 mistaken for steps of the bias.
 """
 BETTER = 10.0
-"""The model whose bias is constant between steps is used if its log likelihood is higher by more than this.
-
-It is compared with the log likelihood of the model with a moving bias, which is used otherwise.
+"""Two models of an axis are compared: one with a moving bias, one whose bias is constant between steps. The
+second is used if its log likelihood is higher than that of the first by more than this.
 """
 COURSE_POINTS = 500
 
@@ -135,8 +133,8 @@ def watch(
                 runs.append((pool.submit(_SensorRun, group, shown, systems, h, live), other))
     found: dict[str, AxisEvents] = {}
     moved: list[_Moved] = []
-    # The gyroscope comes first, since only its run finds the motion that the accelerometer shows. This motion
-    # then counts for the remaining axes, too.
+    # The gyroscope comes first, since only its run gets the samples of the accelerometer, too. Motion that
+    # they show then counts for the remaining axes as well.
     for of_system, of_staying in runs:
         run, stays = of_system.result(), None if of_staying is None else of_staying.result()
         moved = _united([*moved, *run.moved])
@@ -180,7 +178,7 @@ class _Moved(NamedTuple):
 
 
 class _Stepped(NamedTuple):
-    """A step of an axis's bias just before sample `at`, detected at sample `row`."""
+    """A step of an axis's bias just before sample `at`. The tracker detected it only at sample `row`."""
 
     at: int
     row: int
@@ -189,7 +187,7 @@ class _Stepped(NamedTuple):
 
 
 class _Course:
-    """Biases and their σ along a run, at every so many samples and at the end. `n`: number of all samples."""
+    """Biases and σ at up to COURSE_POINTS evenly spaced samples of all `n`, and at the end of a run."""
 
     def __init__(self, n: int, axes: int) -> None:
         self._every = -(-n // COURSE_POINTS)
@@ -249,7 +247,7 @@ class _Steps:
         It withdraws a step if a motion began with that step.
 
         `counts`: number of steps of each axis that the tracker still holds valid. `first`: index in the
-        recording of the block's first sample, from which `events` count.
+        recording of the block's first sample. The `row` of each of `events` counts from this sample.
         """
         begun = [first + event.row for event in events if event.kind == EventKind.MOVES]
         for steps, before, count in zip(self.by_axis, self._before, counts, strict=True):
@@ -318,10 +316,9 @@ class _SensorRun:
             yield first, last, lost.get(first, 0)
 
     def _take(self, event: TrackerEvent, row: int, begin: int, since: _Moved | None) -> _Moved | None:
-        """Store an event that was detected at sample `row`.
+        """Store an event that was detected at sample `row`, and return the motion that goes on after it.
 
-        `since`: the motion that goes on before this event; None if the sensor is at rest. Returns the motion
-        that goes on after the event, or None.
+        `since`: the motion that goes on before this event. At rest, `since` or the result is None.
         """
         at = max(row - max(event.ago - 1, 0), begin)
         if event.kind == EventKind.STEP:
@@ -335,7 +332,7 @@ class _SensorRun:
         return since
 
     def foretells(self, name: str, other: "_SensorRun") -> bool:
-        """Whether this run's model predicts the samples of an axis clearly better than that of `other`."""
+        """Whether an axis's model in this run predicts clearly better than its model in run `other`."""
         return self._predictions.are_better(self._names.index(name), other._predictions)
 
     def _end_motion(self, since: _Moved, end: int, largest: float | None) -> None:

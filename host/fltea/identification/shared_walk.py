@@ -21,13 +21,15 @@ UNLIKELY = 1e-300
 
 
 def shared_walk(tracked: Mapping[str, FittedSystem], h: float) -> dict[str, FittedSystem]:
-    """Return the tracked system of each axis of a sensor, by name. The random walk is common if possible.
+    """Return the tracked system of each axis of a sensor, by name, with one random walk for all if possible.
 
-    A tracked system is the state-space model for the tracker of an axis. A walk is bounded by its correlation
-    time. If the spectrum itself shows a walk, each axis keeps the size of its walk, and only the correlation
-    time is common. The systems are unchanged if the axes do not agree, or if fewer than two axes are alike.
-    Axes for which different correlation times were tried are not alike. No correlation time is tried for
-    noise with an order.
+    A tracked system is the state-space model for the tracker of an axis. Its random walk has a step variance,
+    and a correlation time that bounds it. The axes get the same probabilities for both. If the spectrum
+    itself shows a walk, each axis keeps its own step variance, and only the correlation time is common.
+
+    Systems are returned unchanged if separate walks explain the samples better than a common one. They are
+    also unchanged without a second axis of the same kind: the spectrum shows a walk on both axes or on
+    neither, and the same correlation times were tried for both (none is tried for noise with an order).
     """
     alike: dict[tuple[bool, tuple[float, ...]], list[str]] = {}
     for name, one in tracked.items():
@@ -43,10 +45,10 @@ def shared_walk(tracked: Mapping[str, FittedSystem], h: float) -> dict[str, Fitt
 
 
 def _agreed_bounds(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk]:
-    """Return the walks with common correlation times; an empty list if the axes do not agree.
+    """Return the walks with common probabilities of the correlation times; an empty list if axes disagree.
 
-    A walk with a correlation time is bounded (a relaxation), with an infinite one it is not. Afterwards, each
-    correlation time that was tried has the same probability on all axes.
+    An infinite correlation time stands for an unbounded walk, a finite one for a bounded walk (a relaxation).
+    Each axis keeps its own probabilities of the step variances that were tried with a correlation time.
     """
     prior = _prior(walks[0].steps[:1].tolist(), taus, stays=0.0)
     own = np.array([[walk.weights[walk.taus == tau].sum() for tau in taus] for walk in walks])
@@ -73,16 +75,16 @@ def _prior(steps: list[float], taus: Sequence[float], stays: float) -> Array:
 
 
 def _agreed(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk]:
-    """Return the walks of the axes with one common distribution; an empty list if the axes do not agree.
+    """Return the walks of the axes with the same probabilities; an empty list if the axes disagree.
 
-    The common distribution gives the probability of each pair of step variance and correlation time; an
+    Each pair of a step variance and a correlation time has one probability, which holds for all axes. An
     infinite correlation time stands for a walk without a bound.
     """
     low = min(float(walk.steps[walk.steps > 0].min()) for walk in walks)
     high = max(float(walk.steps.max()) for walk in walks)
     steps = np.geomspace(low, high, round(A_DECADE * math.log10(high / low)) + 1).tolist()
     q, tau, prior = np.array(list(walks_tried(steps, [one for one in taus if math.isfinite(one)], STAYS))).T
-    # log likelihoods, (axes, random walks, slopes of the offset)
+    # logarithm of the likelihood of each random walk with each slope of the offset, (axes, walks, slopes)
     likely = np.array([_log_likelihoods(walk, q, tau) for walk in walks])
     by_walk = np.log(np.exp(likely).sum(axis=2))
     each = np.log(np.exp(by_walk) @ prior).sum()
@@ -95,19 +97,20 @@ def _agreed(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk
 
 
 def _log_likelihoods(walk: OffsetWalk, q: Array, tau: Array) -> Array:
-    """Return the log likelihoods of random walks, (walks, slopes), up to a constant.
+    """Return the logarithm of the likelihood of each walk with each slope of the offset, (walks, slopes).
 
-    `q`, `tau`: step variances and correlation times of the walks. The array has a column for each slope of
-    the offset that was tried.
+    `q`, `tau`: step variance and correlation time of each walk. The slopes are those that were tried. All
+    logarithms lack the same constant.
 
-    The likelihood includes the prior of the slope, but not the prior of the walk.
+    The likelihood includes the prior probability of the slope, but not that of the walk.
     """
     steps, taus, _, weights = walk.by_walk
     bounds = [one for one in np.unique(taus) if math.isfinite(one)]
     known = np.unique(steps[steps > 0])
     prior = np.array([weight for _, _, weight in walks_tried(known.tolist(), bounds, STAYS)])
     own = np.log(np.maximum(weights, UNLIKELY)) - np.log(prior)[:, None]
-    # A walk with a tenth of the smallest step variance that was tried, or less, is as likely as no walk.
+    # Between the step variances that were tried, the logarithms are interpolated. At a tenth of the smallest
+    # of these variances and below, a walk gets the likelihood of no walk.
     at = np.log(np.append(known[0] / 10, known))
     found = np.empty((len(q), own.shape[1]))
     for slope, column in enumerate(own.T):
@@ -121,9 +124,10 @@ def _log_likelihoods(walk: OffsetWalk, q: Array, tau: Array) -> Array:
 
 
 def _of_axis(walk: OffsetWalk, q: Array, tau: Array, weights: Array, likely: Array) -> OffsetWalk:
-    """Return the joint distribution of walk and slope for one axis.
+    """Return the probability of each walk with each slope of the offset, for one axis.
 
-    The distribution of the walks is common to all axes, that of the slopes belongs to this axis.
+    `weights`: probabilities of the walks, which are common to all axes. `likely`: logarithms of the
+    likelihoods, (walks, slopes), from which this axis gets its own probabilities of the slopes.
     """
     slopes = walk.by_walk[2]
     share = np.exp(likely - likely.max(axis=1, keepdims=True))

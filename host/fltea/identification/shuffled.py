@@ -33,13 +33,13 @@ LEAST_LANES, MOST_LANES = 8, 40
 Smaller groups do not use vector instructions fully. Larger ones leave other processes idle at the end.
 """
 LONGEST = 1 << 17
-"""Length of a record in samples above which its copies are not shuffled, but drawn from its samples at
-random, block by block, to save memory.
+"""Length of a record in samples above which its copies are not shuffled. The samples of a copy are then drawn
+from the record at random, block by block, to save memory.
 
-With `estimator.variant` joint (one filter for α and h^α f), copies have at most this number of samples. This
-filter forgets old samples: between this length and a million samples, the quantiles over the copies of its
-last α change by only 0.003. With the variant triple (the paper's three filters), these quantiles keep falling
-with the length (from 0.13 to 0.11), so its copies are as long as the record.
+With `estimator.variant` joint (one filter for α and h^α f), such a copy has only LONGEST samples. This is
+enough, since the filter forgets old samples: with a million samples, the quantiles of the last α over the
+copies would change by only 0.003. With the variant triple (the paper's three filters), these quantiles depend
+on the number of samples (they fall from 0.13 to 0.11), so a copy is as long as the record.
 """
 DRAWN = 1 << 13
 """Number of samples in each block that is drawn from a long record."""
@@ -182,8 +182,8 @@ def shuffled_band(parts: Sequence[Copies], alpha: float | None, f: float | None)
 def _quantiles(values: Array) -> tuple[float, float, float] | None:
     """Return the 5, 50 and 95 % quantiles of `values`, at Weibull's plotting positions.
 
-    With these positions, the value of one more copy would be below a quantile with exactly its nominal
-    probability.
+    With these positions, a further value of the same distribution lies below the 5 % quantile with a
+    probability of exactly 5 % (and likewise for 50 and 95 %).
     """
     if not values.size:
         return None

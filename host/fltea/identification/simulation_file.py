@@ -52,9 +52,10 @@ def write_simulation(out: Path, settings: NoiseSettings, alpha_end: float, axes:
 def write_model_simulation(out: Path, model: Path, settings: NoiseSettings) -> None:
     """Write simulated noise of the axes in `model`, a file of `fltea identify --export-model`.
 
-    Only the number of samples, the seed and the effects of the sensor are those of `settings`. The sampling
-    rate and the noise are those of the model. The file also holds the true state, which is the sum of all
-    noise that is not white. Unlike the file of `write_simulation`, it does not hold the order.
+    From `settings` come only the number of samples, the seed, the offset, and the range and rounding of the
+    sensor. The sampling rate and the noise are those of the model. The file also holds the true state, which
+    is the sum of all noise that is not white. Unlike the file of `write_simulation`, it does not hold the
+    order.
 
     Raises:
         UsageError: the model cannot be read, the settings are impossible, or the name ends neither in .csv

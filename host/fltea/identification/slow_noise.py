@@ -55,7 +55,7 @@ def with_slow_noise(
 def band(allan: Allan) -> Band:
     """Return the averaging times at which an Allan deviation agrees with that of its model.
 
-    The test has a level of 5 % for all averaging times together.
+    If the model is right, 5 % of records still differ from it at one averaging time or more.
 
     The deviations at averaging times within an octave come from mostly the same samples, so they count as one
     test.

@@ -110,9 +110,9 @@ def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Peri
 
 
 def drift_together(found: Sequence[Parts]) -> Drift | None:
-    """Return the mean power of the drift over several stretches (runs of samples without a gap).
+    """Return one drift for several stretches (runs of samples without a gap); None if none has a drift.
 
-    The power of a stretch is the mean square of amplitudes (`Drift`). It is weighted by their number.
+    Its power is the mean square of the amplitudes of all stretches. `Drift` says what the amplitudes are.
     """
     drifts = [one.drift for one in found if one.drift is not None]
     amplitudes = sum(one.amplitudes for one in drifts)
@@ -123,7 +123,7 @@ def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
     """Merge the running sums of stretches that have the same depth, which is the number of octaves.
 
     In stretches of the same depth, the lowest octaves have the same sampling rate. So their spectral
-    ordinates can be merged, which leaves fewer of them.
+    ordinates at nearly the same frequency can be averaged, which leaves fewer ordinates.
     """
     depths: dict[int, list[Parts]] = {}
     for one in found:
@@ -264,15 +264,16 @@ def examined_sums(
     """Analyse a spectrum that was computed before, as `examined` does.
 
     Args:
-        lines: the ordinates of the spectrum.
-        drift: the drift of the samples.
+        lines: the ordinates of the spectrum, with their frequencies.
+        drift: the slow part of the samples that is not noise; None if it is not known.
         sums: the running sums of the samples by octaves.
         samples: number of samples.
         h: sampling period [s].
         from_hz: lowest frequency in use [Hz].
         notch: bands (low, high) that are left out [Hz].
         peaks: spectral peaks found in the samples; None: search for peaks in `lines`.
-        before: the spectrum before a comb of lines was removed from the samples; None if there was no comb.
+        before: the spectrum before a comb was removed from the samples; None if there was no comb. A comb is
+            the peaks of a periodic pattern.
         median: the median filter that was detected in the samples.
 
     Raises:

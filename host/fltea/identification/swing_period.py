@@ -22,8 +22,8 @@ determined.
 PERIODS = 4
 """The record has to hold at least this number of periods."""
 COMES_BACK = 0.6
-"""After one, two and three periods, the autocorrelation of the course of power has to be at least this
-proportion of its autocorrelation after one block.
+"""If the power of the noise is periodic, its autocorrelation is high again after one, two and three periods:
+at least this proportion of the autocorrelation at a lag of one block.
 """
 AS_HIGH = 0.8
 """The autocorrelation's peaks that reach at least this proportion of the highest value are candidates for the
@@ -33,9 +33,9 @@ PHASES = 24
 
 
 def with_period(change: Change, y: Array, h: float) -> Change:
-    """Return `change`, how the power in an octave varies over time, with period and size if it is periodic.
+    """Return `change`, how the power in an octave varies over time, with the period if there is one.
 
-    `h`: sampling period [s].
+    A periodic change also gets a new size, that of its periodic part. `h`: sampling period [s].
     """
     if change.is_step:
         return change
@@ -51,7 +51,7 @@ def with_period(change: Change, y: Array, h: float) -> Change:
 
 
 def _course(y: Array, h: float, change: Change, block: int) -> Array:
-    """Return the logarithm of the octave's power in each of m blocks, (m,), less the logarithms' mean."""
+    """Return the log power in the octave of `change` for each of m blocks, less its mean, (m,)."""
     spectrum = np.fft.rfft(y)
     hz = np.fft.rfftfreq(len(y), h)
     spectrum[(hz < change.low_hz) | (hz > change.high_hz)] = 0
@@ -101,10 +101,10 @@ def _top(values: Array, at: float, around: float) -> float:
 
 
 def _folded(course: Array, period: float) -> float:
-    """Return the variance of the periodic part of a power over time.
+    """Return the variance of the periodic part of `course`, the logarithm of a power over time.
 
-    The result is the variance of the mean powers at the phases of the period, less the variance that these
-    means would have by chance.
+    `period`: in blocks. Values at the same phase of the period are averaged. The result is the variance of
+    these means, less the variance that they would have by chance.
     """
     phase = (np.arange(len(course)) / period % 1 * min(PHASES, int(period))).astype(np.int64)
     counts = np.bincount(phase)

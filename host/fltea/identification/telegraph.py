@@ -24,19 +24,19 @@ from fltea.settings.live import LiveConfig
 from fltea.spectrum.wording import NUMBERS, listed
 
 LEAST_RATIO = 2.0
-"""In telegraph noise, the variance of the samples is at least this many times half of the mean square of the
-steps between successive samples.
+"""In telegraph noise, this ratio is larger than LEAST_RATIO: the variance of the samples, divided by half of
+the mean square of the steps between successive samples.
 
-If the ratio is lower, samples do not stay at any level. White noise has a ratio of 1.
+White noise has a ratio of 1. If the ratio is low, samples do not stay at any level.
 """
 OUTLIERS = 5e-4
 """Proportion of the samples that is ignored as outliers, at each end of the range of values."""
 CALM, OF_GAUSSIAN = 0.95, 0.871
-"""The smallest steps between successive samples are attributed to the noise alone, and not to changes of
-level. CALM is the proportion of these steps among all steps.
+"""The noise about the levels is estimated from the smallest steps between successive samples, since larger
+steps may be changes of level. CALM is the proportion of the steps that are used.
 
-OF_GAUSSIAN is the root mean square of the smallest steps of Gaussian noise (the proportion CALM), divided by
-the root mean square of all its steps.
+OF_GAUSSIAN corrects the estimate. In Gaussian noise, it is the root mean square of the smallest steps,
+divided by that of all steps.
 """
 BINS_A_DEVIATION, MOST_BINS = 2.0, 4096
 VALLEY = 0.02
@@ -48,10 +48,8 @@ In Gaussian noise, a bin at 2.8 standard deviations from a level has this propor
 APART = 5.5
 """Least distance between two levels, in standard deviations of the noise."""
 WIDEST, LOOSE = 9.0, 0.5
-"""The values around a level span at most WIDEST standard deviations of the noise, or the proportion LOOSE of
-the least distance between levels. The larger of the two limits counts.
-
-LOOSE allows for slow noise in addition to the levels.
+"""The values around a level span at most WIDEST standard deviations of the noise. Slow noise makes this span
+wider, so LOOSE times the least distance between levels is allowed in any case.
 """
 SOON, JUMPS = 4, 0.7
 """At each change of level, the sample SOON samples before it is compared with the one SOON samples after it.
@@ -171,8 +169,8 @@ class _Recent:
 
 
 _NONE = _Recent()
-"""Arrays of samples in which no telegraph noise was found. Later steps of the analysis test the same arrays
-again, so this saves time.
+"""The last arrays in which no separate levels were found. Later steps of the analysis get the same arrays,
+and need not search them again.
 """
 
 
@@ -257,8 +255,9 @@ def _telegraph(y: Array, at: NDArray[np.int64], h: float, noise: float) -> Teleg
     shares = counts / len(y)
     mean = float(levels @ shares)
     variance = float(shares @ (levels - mean) ** 2)
-    # From lag 0 to lag 1, the autocovariance of the level falls by half of the mean square of the level's
-    # steps. The correlation time is the level's variance divided by this fall per second.
+    # The autocovariance of a process falls from lag 0 to lag 1 by half of the mean square of its steps from
+    # sample to sample. Here the process is the level; its step is 0 unless the level changes. The correlation
+    # time is the level's variance divided by the fall per second.
     steps = np.diff(levels[on])
     tau_s = variance / (float(steps @ steps) / 2) * len(y) * h
     return Telegraph(

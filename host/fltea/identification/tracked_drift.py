@@ -1,9 +1,10 @@
 """Estimate the drift rate of an axis, with an interval that allows for slow noise.
 
-Noise so slow that the record has fewer than ten periods of it tilts a fitted straight line most, but the
-model that was fitted to the spectrum lacks such noise. The tracker knows the probabilities of several random
-walks of the offset, bounded ones and unbounded ones. Each walk gives the slope a variance. The interval of
-the slope comes from these variances, weighted by the probabilities of the walks.
+The drift rate is the slope of a straight line that is fitted to the samples. Very slow noise changes this
+slope most: noise of which the record has fewer than ten periods. The model that was fitted to the spectrum
+lacks such noise. But the tracker has tried several random walks of the offset, bounded and unbounded ones,
+and knows the probability of each. Each walk gives the slope a variance. These variances, weighted by the
+probabilities of the walks, give the interval of the slope.
 """
 
 import math
@@ -18,10 +19,11 @@ from fltea.records.fit import Interval
 from fltea.spectrum.drift_rate import around, slope, slope_variance
 
 AS_LIKELY = 0.4
-"""Prior probability, for the interval of the drift rate, that the offset does not follow a random walk.
+"""Prior probability that the offset does not follow a random walk. It is used for the drift rate's interval.
 
 Even a random walk that is too slow for the record to show it can triple the error of the drift rate. The
-tracker itself uses the higher prior `STAYS`, with which such walks would be excluded too often (measured).
+tracker itself uses the higher prior `STAYS`. With `STAYS`, the interval would be too narrow too often, since
+it would leave out such walks (measured).
 """
 
 
@@ -50,7 +52,7 @@ def _weights(walk: OffsetWalk) -> Array:
 
 
 def _of_step(n: int, h: float, tau: float) -> float:
-    """Return the variance that a random walk with step variance 1 gives the fitted slope.
+    """Return the variance of the fitted slope that comes from a random walk whose steps have variance 1.
 
     `tau`: correlation time of the walk in samples.
     """

@@ -21,8 +21,8 @@ from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 
 TOLD_AT = 900.0
-"""A record of n samples shows a random walk if the variance of the walk's step times n², divided by the level
-of the spectrum, is at least this.
+"""A record of n samples shows a random walk if q n² / level is at least this. q is the variance of the walk's
+steps, and level is the level of the spectrum.
 
 In four of five records, a walk of this size can be told from a constant offset (measured on 40 records of
 white noise).
@@ -40,12 +40,14 @@ class OffsetWalkFound(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     removed any walk.
     """
     K: Interval
-    """K of the random walk; null unless the offset walks."""
+    """K of the random walk; null unless `said` is `walks`."""
     at_most: float | None
-    """Upper bound of K with 95 % probability; null if the offset walks."""
+    """Upper bound of K with 95 % probability. Null if `said` is `walks` or `taken out`, or if there is no
+    bound.
+    """
     tells_s: float | None
-    """Length of a record that would be enough to decide [s], if `said` is `not told`; null in other cases or
-    if the length is not known.
+    """Length of a record that would show whether the offset walks [s]. Null if `said` is not `not told`, or
+    if this length is not known.
     """
 
 
@@ -63,11 +65,10 @@ def tracked_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem | 
 def offset_walk_found(tracked: FittedSystem, h: float, K: Interval) -> OffsetWalkFound:
     """Return whether the offset of an axis walks.
 
-    `K`: interval of K according to the parts of the noise that were fitted to the spectrum; null if no part
-    is a walk.
+    `K`: interval of K by the fit of the spectrum; null if no fitted part is a walk.
 
-    Even if a fitted part is a walk, K comes from the tracker, which also uses noise slower than the fitted
-    spectrum.
+    Even if the fit has found a walk, the result has the K of the tracker if there is one: the tracker also
+    uses noise slower than the fitted spectrum.
     """
     walk = tracked.walk
     if high_pass_of(tracked.parts) is not None:
@@ -89,14 +90,18 @@ def offset_walk_found(tracked: FittedSystem, h: float, K: Interval) -> OffsetWal
     if stays >= LIKELY:
         return OffsetWalkFound("likely constant", Interval(), at_most, None)
     q = float(weights @ steps) / float(weights.sum())
-    # The longest periods of a record grow with its length. The ratio of a walk's power at these periods to
-    # the level of the spectrum grows with the square of the record's length.
+    # A walk has more power at longer periods: it grows with the square of the period. So at the longest
+    # periods of a record, the ratio of the walk's power to the level of the spectrum grows with the square of
+    # the record's length.
     longer = math.sqrt(max(TOLD_AT / (SHARES[0] * q / float(steps[0])), 1.0))
     return OffsetWalkFound("not told", Interval(), at_most, longer * tracked.samples * h)
 
 
 def _in_place_of_a_relaxation(walk: OffsetWalk, h: float) -> OffsetWalkFound:
-    """Return whether a part is an unbounded walk that the fit of the spectrum took for a slow relaxation."""
+    """Return whether the offset walks, if the fit of the spectrum has found a slow relaxation.
+
+    The relaxation may be an unbounded walk. The tracker's probabilities of unbounded walks decide.
+    """
     steps, at = np.unique(walk.steps, return_inverse=True)
     weights = np.asarray(np.bincount(at, walk.weights * np.isinf(walk.taus)), dtype=np.float64)
     if (endless := float(weights.sum())) >= SURE:

@@ -25,8 +25,8 @@ Not all parts have to show the fault, but one part is not enough: a record with 
 that are frequent in one part only.
 """
 LEAST, LEAST_OF_ALL = 500, 100
-"""LEAST: least number of samples in a part. LEAST_OF_ALL: least number of samples in a record that is too
-short to be divided.
+"""LEAST: least number of samples in each of the parts into which a record is divided. LEAST_OF_ALL: a record
+with fewer samples is not searched for frequent or clipped values.
 """
 NEIGHBOURS = 3
 """Number of distinct values on either side of a suspicious value from which the usual distance between values
@@ -38,21 +38,20 @@ OFTEN = 20
 A sensor that is stuck at one value arrives there only once. Another data check finds such a sensor.
 """
 TOO_OFTEN, BESIDE_A_GAP = 3.0, 2.0
-"""A value is too frequent if it has at least TOO_OFTEN times as many samples as the more frequent of its two
-neighbouring values.
-
-BESIDE_A_GAP is used in place of TOO_OFTEN for a value with unusually wide gaps to its neighbouring values.
+"""A value is too frequent if it occurs at least TOO_OFTEN times as often as each of its two neighbouring
+values. If the distances to both neighbouring values are unusually wide (GAP), BESIDE_A_GAP is used instead.
 """
 GAP = 1.75
 """The distance between two neighbouring values is a gap if it is at least this many times the usual distance.
 """
 AWAY = 3.0
-"""The median distance of all other samples from the suspicious value has to be at least this many times the
-distance of the nearest neighbouring value.
+"""A value that replaces others is far from most samples. So the median distance of the other samples from it
+has to be at least AWAY times the distance to its nearest neighbouring value.
 """
 LEAST_SHARE, BAD_SHARE = 0.002, 0.05
-"""How many more samples a value has than its neighbouring values, as a proportion of all samples. The value
-is reported from LEAST_SHARE on, and N is called wrong from BAD_SHARE on.
+"""The surplus of a value is the number of samples with this value less the number with its more frequent
+neighbouring value, as a proportion of all samples. The value is reported if its surplus is at least
+LEAST_SHARE. N is called wrong if the surplus of a value without a dead band is at least BAD_SHARE.
 """
 BAD_POWER = 0.01
 """N is wrong if a dead band has removed more than this proportion of the noise's power."""
@@ -159,8 +158,9 @@ def _common(part: Array, of: _Values) -> _Common | None:
     usual = float(np.median(np.concatenate([np.diff(low), np.diff(high)])))
     gap = float(min(values[at] - low[-1], high[0] - values[at]))
     if gap >= GAP * usual:
-        # Before one value replaced the samples in a dead band of ± `gap`, their mean square was gap²/3. This
-        # is the power that the noise has lost.
+        # In a dead band, one value replaces all samples within ± `gap` of it. Before, these samples were
+        # spread evenly over the band, with a mean square of gap²/3. This is the power that the noise has
+        # lost.
         return _Common(float(values[at]), share, gap, share * gap**2 / 3 >= BAD_POWER * float(part.var()))
     away = float(np.median(np.abs(part[~is_it] - values[at])))
     if counts[at] >= TOO_OFTEN * beside and away >= AWAY * gap:
@@ -169,7 +169,7 @@ def _common(part: Array, of: _Values) -> _Common | None:
 
 
 def _came(is_it: NDArray[np.bool_]) -> int:
-    """Return how often samples arrive at a certain value from another one.
+    """Return how often the samples change to a certain value from another value.
 
     `is_it`: mask of samples with this value.
     """
@@ -194,13 +194,14 @@ def _too_frequent(common: list[_Common], unit: str) -> Iterator[DataCheck]:
 
 
 def _at_end(part: Array, of: _Values, end: int) -> int:
-    """Return the number of samples of a part that are clipped at the highest (1) or lowest (-1) value."""
+    """Return how many samples of a part are clipped at `end`, its highest (1) or lowest (-1) value."""
     counts = of.counts[::-end] if end > 0 else of.counts
     if len(counts) < 4:
         return 0
     last, before, third = counts[:3].tolist()
-    # The counts in the tails of noise fall at least as fast as an exponential. So the expected count at the
-    # outermost value is extrapolated exponentially from the two values before it.
+    # In the tails of noise, the number of samples with a value falls at least as fast as an exponential. So
+    # the number that is expected at the outermost value is extrapolated exponentially from the two values
+    # before it.
     most = max(before, before * before / third)
     if last < OFTEN or last <= CLIPPED * most or last <= most + SURELY * math.sqrt(most + last):
         return 0

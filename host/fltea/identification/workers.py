@@ -138,9 +138,9 @@ def _safe_path() -> Iterator[None]:
 
 
 def _keep_socket_in_our_folder() -> None:
-    """Keep the fork server's socket in a folder that the next run removes if this process is killed.
+    """Keep the fork server's socket in our folder, which the next run removes if this process is killed.
 
-    If the path would be too long for a socket, Python makes a folder of its own.
+    If the path of our folder is too long for a socket, Python keeps the socket in a folder of its own.
     """
     folder, config = process_folder(), multiprocessing.current_process()._config  # type: ignore[attr-defined]
     if len(os.fsencode(folder)) <= LONGEST_FOLDER:
