@@ -42,8 +42,8 @@ TARGETS = {
     "engine_compressed": ("axis-steps/s, one lane", 3e6),
     "engine_compressed_lanes": ("axis-steps/s, many lanes", 12e6),
 }
-"""Description and target of each result. A ratio of costs has to be at most its target, all other results at
-least their target.
+"""Description and target of each result. A cost, such as that of L = 1,000,000 relative to L = 1,000, has to
+be at most its target. All other results have to be at least their targets.
 """
 
 Work = Callable[[], int]

@@ -35,8 +35,8 @@ from fltea.records.arrays import Array
 __all__ = ["Array", "Fltea", "OrderSettings", "ParameterSettings", "StateSettings", "Step", "System"]
 
 # Constants of the unscented transformation (the paper, section 5.1). SPREAD (the paper's 𝔄) is the width of
-# the sigma points. GAUSSIAN (𝔅) is the prior knowledge of the distribution, 2 for a Gaussian one. kappa = 3 -
-# n makes n + lambda = 3 for every dimension n.
+# the sigma points. GAUSSIAN (the paper's 𝔅) is 2 for an estimate with a Gaussian distribution. As kappa is
+# 3 - n, n + lambda is 3 for every dimension n.
 SPREAD = 1.0
 GAUSSIAN = 2.0
 
@@ -88,7 +88,7 @@ class Difference(NamedTuple):
     c: Array
     """The weights c_0 .. c_L(k) for the order α, (L(k)+1,). L(k) is the number of past states."""
     past: Array
-    """The weighted sum of past states, sum_{j=1}^{L(k)} c_j x̂_{k-j}, (N,)."""
+    """Weighted sum of the past states x̂ with the weights `c`, sum_{j=1}^{L(k)} c_j x̂_{k-j}, (N,)."""
 
 
 def difference(order: np.float64, h: float, states: Array) -> Difference:
@@ -110,7 +110,7 @@ def order_filter(
     points = sigma_points(prior.mean, prior.P + prior.Q)  # P̃o_k, the predicted variance of the order
     orders = points[:, 0]
     c = weights(orders, len(states))
-    # the state predicted at sigma point α_i: χ_i = h^α_i rate - sum_{j=1}^{L(k)} c_j(α_i) x̂_{k-j}
+    # the state if the order is that of sigma point i: χ_i = h^α_i rate - sum_{j=1}^{L(k)} c_j(α_i) x̂_{k-j}
     chi = np.power(system.h, orders)[:, np.newaxis] * rate - c[:, 1:] @ states
     return unscented_update(prior, points, chi @ system.C.T, y, R, delta)
 
@@ -127,25 +127,26 @@ def parameter_filter(
 ) -> FilterModel:
     """Run KFw (the paper, section 5.3): estimate the parameters from the outputs at 2 n_w + 1 sigma points.
 
-    The outputs use the new order α̂_k. `x` (N,) is x̂_{k-1}, `drive` (N,) is B u_{k-1}. The sum of past
-    states in `at` is the same for all sigma points, since it does not depend on the parameters.
+    The outputs use the new order α̂_k. `x` (N,) is x̂_{k-1}, `drive` (N,) is B u_{k-1}. `at` has the weighted
+    sum of the past states. It does not depend on the parameters, so all sigma points share it.
     """
     points = sigma_points(prior.mean, prior.P + prior.Q)  # P̃w_k, the predicted covariance of the parameters
-    # the state predicted at sigma point w_i: χ_i = h^α̂_k (A(w_i) x̂_{k-1} + B u_{k-1}) - past
+    # the state with the parameters of sigma point i: χ_i = h^α̂_k (A(w_i) x̂_{k-1} + B u_{k-1}) - past
     chi = at.gain * (np.array([system.A(w) @ x for w in points]) + drive) - at.past
     return unscented_update(prior, points, chi @ system.C.T, y, R, delta)
 
 
 def predict_state(A: Array, rate: Array, at: Difference, covariances: Array, Q: Array) -> tuple[Array, Array]:
-    """Run the time update of the state's filter KFx (the paper, 5.2): return x̃_k (N,) and P̃_k (N, N).
+    """Return the prediction of KFx (the paper, 5.2) before y_k is used: state x̃_k (N,) and covariance P̃_k.
 
-    `A` is A(ŵ_{k-1}), `rate` is A x̂_{k-1} + B u_{k-1}, `at` is the fractional difference for order α̂_k.
+    `A` is A(ŵ_{k-1}), `rate` is A x̂_{k-1} + B u_{k-1}. `at`: difference of the past states for order α̂_k.
     """
     L, N, _ = covariances.shape
     x = at.gain * rate - at.past
     F = at.gain * A + at.order * np.eye(N)
-    # F, the factor of x_{k-1} in x_k, is h^α A, less the weight c_1 = -α of x_{k-1} in the sum of past
-    # states. Each older state x_{k-j} has the weight c_j there, so it adds c_j² times its covariance.
+    # F is the factor of x_{k-1} in x_k. Its second term is there because the sum of past states has x_{k-1},
+    # too, with the weight c_1 = -α. An older state x_{k-j} has the weight c_j, so it adds c_j² times its
+    # covariance.
     V = ((at.c[2:] * at.c[2:]) @ covariances[1:].reshape(L - 1, N * N)).reshape(N, N)
     P = F @ covariances[0] @ F.T + Q + V
     return x, symmetric(P)
@@ -169,9 +170,9 @@ def unscented_update(
 ) -> FilterModel:
     """Run the measurement update that the filters of order and parameters share (the paper, 5.1 and 5.3).
 
-    `points` (2n+1, n) are the sigma points of the predicted covariance P̃. `Y` (2n+1, p) are the outputs that
-    the model predicts at these points. `delta` is the forgetting factor with which Q follows the corrections
-    (Robbins-Monro).
+    `points` (2n+1, n): the sigma points, spread about the mean as the predicted covariance P̃ says. `Y`
+    (2n+1, p): the outputs that the model predicts at these points. `delta`: the forgetting factor with which
+    Q follows the corrections (Robbins-Monro).
     """
     Wm, Wc = unscented_weights(len(prior.mean))
     y_mean = Wm @ Y
@@ -180,8 +181,8 @@ def unscented_update(
     Pyy = dy.T @ weighted + R
     K = kalman_gain(dx.T @ weighted, Pyy)
     correction = K @ (y - y_mean)
-    # The paper's P is P̃ - K Pyy K', with the gain K and the outputs' covariance Pyy. The sum of squares
-    # below equals it, since the weighted sum of dx dx' is P̃. But rounding cannot make it negative.
+    # The paper's P is P̃ - K Pyy K', with the gain K and the outputs' covariance Pyy. Here the same P is
+    # computed as a sum of squares, which rounding cannot make negative. (P̃ is the weighted sum of dx' dx.)
     left = dx - dy @ K.T
     return FilterModel(
         mean=prior.mean + correction,
@@ -202,7 +203,7 @@ def sigma_points(mean: Array, P: Array) -> Array:
 @lru_cache(maxsize=8)
 def unscented_weights(n: int) -> tuple[Array, Array]:
     """Return the sigma points' weights for means and covariances, each (2n+1,); see the paper, 5.1."""
-    scale = SPREAD**2 * 3  # this is n + λ, with κ = 3 - n
+    scale = SPREAD**2 * 3  # n + λ of the paper
     Wm = np.full(2 * n + 1, 1 / (2 * scale))
     Wm[0] = (scale - n) / scale
     Wc = Wm.copy()
@@ -331,10 +332,10 @@ class Fltea:
 
         The state moves on by the model alone and enters the memory with its predicted covariance, so that the
         history keeps one entry for each sample time. This is the fractional Kalman filter over a lossy link
-        (the paper's references 18 and 20). The filters of order and parameters do not advance: their Q is
-        adapted to the corrections by measurements, so it is the step variance for each measurement, not for
-        each sample time. (If their covariances grew in a gap, a loss of 20 % of the samples would move α on
-        white noise from 0.39 to 0.60.)
+        (the paper's references 18 and 20). The filters of order and parameters do not advance. Their Q is
+        adapted at each measurement, so Q is the variance of a step between two measurements, even if samples
+        are lost between them. (If the covariances of these filters grew in a gap, a loss of 20 % of the
+        samples would move α on white noise from 0.39 to 0.60.)
         """
         drive = self._drive(u)
         with np.errstate(all="ignore"):

@@ -37,7 +37,7 @@ class System:
             object.__setattr__(self, "B", _matrix("B", self.B))
 
     def check(self, N: int, w: Array) -> None:
-        """Raise ValueError unless A(w), B and C fit a state of N entries and parameters w (n_w,)."""
+        """Raise ValueError unless A(w), B and C have shapes for N states, and w is a finite vector."""
         if w.ndim != 1 or len(w) == 0 or not np.isfinite(w).all():
             raise ValueError(f"w0 must be a list of at least one finite parameter, got {w}")
         shape = np.shape(self.A(w))
@@ -110,9 +110,9 @@ class StateSettings:
 
 
 def covariance(name: str, value: ArrayLike, n: int, *, definite: bool = False) -> Array:
-    """Return `value` as an (n, n) covariance.
+    """Return `value` as an (n, n) covariance matrix; a number stands for that number times the identity.
 
-    Raise ValueError unless it is symmetric and non-negative, or positive if that is required.
+    Raise ValueError unless the matrix is symmetric and its eigenvalues are ≥ 0 (> 0 with `definite`).
     """
     P = np.array(value, dtype=np.float64)
     if P.ndim == 0:

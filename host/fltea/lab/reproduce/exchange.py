@@ -20,17 +20,17 @@ from fltea.records.arrays import Array
 
 AS_PRINTED = {3: 2, 4: 3}
 EXCHANGED = {3: 3, 4: 2}
-"""For tables 3 and 4, the example to which the numbers belong, if the paper prints each table in the place of
-the other (EXCHANGED) or not (AS_PRINTED).
+"""For tables 3 and 4, the example to which the numbers of a table belong. AS_PRINTED: the examples that the
+paper names. EXCHANGED: the examples if each of the two tables is printed in the place of the other.
 """
 
 SHORT = 2000
 JUDGED = ("state", "parameter")
 FEWEST_SEEDS = 400
-"""Least number of seeds for an inference. With fewer seeds, a percentile of 0 or 100 is no evidence.
+"""Least number of seeds for an inference. With few seeds, a percentile of 0 or 100 is no evidence.
 
-If the error of no seed reaches a number, the proportion of seeds that would reach it is at most 3 divided by
-the number of seeds, with 95 % confidence.
+Even if no seed has an error as large as the paper's, such errors may occur: in up to 3 / n of all runs, with
+95 % confidence from n seeds.
 """
 TAIL_PERCENT = 0.5
 """A number of the paper does not fit an example if less than this percentage of the seeds (random runs of the
@@ -62,11 +62,12 @@ def evidence(results: Results) -> Row:
     """Return what speaks for and against an exchange of tables 3 and 4, as numbers for JSON.
 
     Keys:
-        rarest: of the paper's eight numbers, the one that is most extreme among the results of the seeds.
-        at_least_4: percentage of an example's seeds whose error of the state changes, from L = 4,000 to L =
-            2,000, by at least as many percent as in table 4.
-        at_most_3: percentage of the seeds whose error changes by at most as many percent as in table 3.
-        largest_order: the largest error of the order in any seed with a finite run; None if it overflows.
+        as_printed, exchanged: for each of these assumptions, `rarest` is the one of the paper's eight numbers
+            that is most extreme among the results of the seeds.
+        example_2, example_3: results for the seeds of each example. Changes are those of the error of the
+            state, from L = 4,000 to L = 2,000, in percent. `at_least_4`: percentage of seeds with at least
+            the change in table 4. `at_most_3`: percentage of seeds with at most the change in table 3.
+            `largest_order`: largest error of the order in a finite run; None if it overflows.
     """
     seeds = min(_finite(by_length) for by_length in results.values())
     pairings = {"as_printed": _rarest(results, AS_PRINTED), "exchanged": _rarest(results, EXCHANGED)}

@@ -108,7 +108,10 @@ def draw_unknown(
 def _curves(
     quantity: str, scenario: Scenario, data: Data, estimates: Mapping[int, Estimates]
 ) -> tuple[Array | None, dict[str, Array]]:
-    """Return the original curve of a quantity (None if not known), and its estimates by legend entry."""
+    """Return the original curve of a quantity, and the curves of its estimates, by their names in the legend.
+
+    The original is the true or measured curve; None if neither is known.
+    """
     attribute = {"state": "x", "order": "alpha", "parameter": "f"}[quantity]
     curves = {f"L = {L:,}": getattr(got, attribute)[:, 0] for L, got in estimates.items()}
     original: Array | None = None
@@ -149,10 +152,10 @@ def _panel(
     *,
     measured: bool = False,
 ) -> None:
-    """Draw one panel: a whole run with a legend, or if `part` is given that part without a legend."""
+    """Draw a panel: a whole run with a legend, or only the samples `part` of it, without a legend."""
     styles = [*STYLES[: len(curves) - 1], STYLES[-1]]
     shown = part or slice(None)
-    if original is not None and measured:  # measured noise is drawn first, since it would hide the estimates
+    if original is not None and measured:  # drawn first, so that it does not cover the estimates
         axes.plot(t[shown], original[shown], label="measured", color="#999999", linewidth=0.6)
     # a line of measured noise over a whole run is thinner, since its points are dense
     slender = 0.4 if measured and part is None else 1.0
@@ -174,7 +177,8 @@ def _panel(
 def _limits(original: Array | None, curves: Mapping[str, Array]) -> tuple[float, float]:
     """Return the range of values to show. It leaves out the highest 0.2 % and the lowest 0.2 %.
 
-    With these extreme values, the jump at the beginning of a run would make the rest look flat.
+    Estimates are often extreme just after the beginning of a run. If they were shown in full, the rest would
+    look flat.
     """
     known = [] if original is None else [original]
     values = np.concatenate([*known, *(v[np.isfinite(v) & (np.abs(v) < 1e6)] for v in curves.values())])

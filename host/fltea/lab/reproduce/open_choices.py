@@ -1,9 +1,9 @@
-"""Vary each choice that the paper leaves open, one at a time, and compare the errors of tables 2 to 4.
+"""Vary each choice that the paper leaves open, one at a time, and compare our errors with the paper's.
 
-With every choice, examples 1 to 3 are run with the full memory (L = 4,000). The results are the medians of
-our errors over the seeds, and the percentiles of the paper's errors among ours. Tables 3 and 4 are each
-compared with both examples 2 and 3, since the two tables may have been exchanged when the paper was printed
-(`exchange`).
+With every choice, examples 1 to 3 are run for many seeds with the full memory (L = 4,000). The results are
+the medians of our errors over the seeds, and the percentile of each error in the paper's tables 2 to 4: the
+percentage of seeds with a smaller error. Tables 3 and 4 are each compared with both examples 2 and 3, since
+the two tables may have been exchanged when the paper was printed (`exchange`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,10 +20,11 @@ from fltea.lab.reproduce.runs import Curves, Options, Outcome, estimate, outcome
 from fltea.lab.reproduce.scenarios import Data, SawTooth, Scenario, example
 
 NEAR = 1.5
-"""An error of the order counts as near the paper's error if it differs by at most this factor."""
+"""Our error of the order counts as near the paper's if neither is more than this many times the other."""
 WIDTH = 16
-"""Number of runs that are processed together for an interpretation that the engine does not have. It is
-small, so that the weights for the orders of all runs fit into the processor's cache.
+"""Number of runs that `readings` processes together, for an interpretation that the engine does not have. In
+each run, the order is different, and so are the weights of past states. The weights of so few runs fit into
+the processor's cache.
 """
 
 
@@ -105,10 +106,11 @@ def compare(
 
     Keys:
         examples: result of `outcome_row` for each example.
-        percentiles: percentiles of the paper's numbers at L = 4,000, for each table and each example that
-            the table is compared with.
-        near_order: for each table and each example that the table is compared with, the number of seeds whose
-            error of the order differs from the paper's by at most the factor NEAR.
+        percentiles: percentiles of the paper's errors at L = 4,000 among ours.
+        near_order: number of seeds whose error of the order is near that of the paper (NEAR).
+
+    `percentiles` and `near_order` have an entry for each table, and in it one for each example that the table
+    is compared with.
     """
     return [_row(choice, seeds, samples, advance) for choice in choices]
 
@@ -131,7 +133,10 @@ def _row(choice: Choice, seeds: int, samples: int, advance: Callable[[str, int],
 
 
 def _against(tell: Callable[[int, int], Any]) -> Row:
-    """Return `tell(table, example)` for each table of the paper and each example that it is compared with."""
+    """Call `tell(table, example)` for each table of the paper and each example that it is compared with.
+
+    Return the results by table and example.
+    """
     return {
         str(table): {str(number): tell(table, number) for number in numbers}
         for table, numbers in EXAMPLES.items()

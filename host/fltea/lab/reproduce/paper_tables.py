@@ -65,9 +65,9 @@ def outcome_row(outcome: Outcome, printed: paper.Errors | None) -> Row:
 
 
 def changes(results: Mapping[int, Outcome], L: int) -> dict[str, tuple[Array, Array]]:
-    """Return for each seed how each error changes from the longest L to `L`, and the error at the longest L.
+    """Return how each error changes from the longest L to `L`, and the error at the longest L.
 
-    Seeds with an error that is not finite are left out.
+    Both are arrays with one number for each seed. Seeds with an error that is not finite are left out.
     """
     first, short = next(iter(results.values())), results[L]
     found = {}
@@ -133,7 +133,10 @@ def time_rows(times: Mapping[int, Times]) -> list[Row]:
 
 
 def accepted(outcome: Outcome, printed: tuple[float | None, float | None] = (None, None)) -> Row:
-    """Return median and range, over the runs, of the mean order and parameter in the last third of a run."""
+    """Return the order and the parameter on which runs settle: median and range over the finite runs.
+
+    A run settles on the mean over its last third.
+    """
     good = ~outcome.not_finite
     return {
         "settled_order": spread(outcome.settled_order[good], printed[0]),
@@ -235,7 +238,10 @@ def percent_text(share: float) -> str:
 
 
 def _beside_paper(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
-    """Lay out table 5: our number and the paper's for each error, and for the final order and parameter."""
+    """Lay out table 5, with each of our numbers beside the paper's.
+
+    For each axis these are the errors of state, order and parameter, and the order and parameter at the end.
+    """
     columns = {name: name for name in paper.QUANTITIES}
     columns |= {"settled_order": "order settles at", "settled_parameter": "parameter settles at"}
     heads = ["axis", "not finite", "far off"]

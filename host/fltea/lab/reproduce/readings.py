@@ -23,11 +23,11 @@ class Reading:
 
     kappa: float = 2.0
     """Scaling κ of the sigma points in the filters of order and parameter. The paper's section 5.1 calls it
-    "usually chosen as 3 - L".
+    "usually chosen as 3 - L", where L is the number of estimated quantities, 1 in each of these filters.
     """
     sums_from: Literal[0, 1] = 0
-    """Index of the first sigma point in the covariance sums of the filters of order and parameter. The paper
-    begins at 1, and other unscented Kalman filters begin at 0.
+    """Index of the first sigma point that counts in the covariances, in the filters of order and parameter.
+    The paper begins at 1, which leaves out the mean. Other unscented Kalman filters begin at 0.
     """
     parameter_first: bool = False
     """Whether the parameter's filter runs before the order's. It then uses the previous order, and the
@@ -113,7 +113,7 @@ class _Step:
         self.order = Walk(order.alpha0 * ones, order.P0 * ones, order.Q0 * ones)
         self.parameter = Walk(parameter.f0 * ones, parameter.P0 * ones, parameter.Q0 * ones)
         self.V = 0 * ones
-        """Variance that the past states from j = 2 on contributed to the state at the previous sample."""
+        """Variance of the weighted sum of past states at the previous sample, without their newest."""
 
     def __call__(self, y: Array, u: Array, past: Past) -> tuple[Array, Array]:
         """Process y_k and u_{k-1}, each (runs,), and return the posterior state and its variance."""
@@ -159,7 +159,7 @@ class _Step:
     def _move_parameter(self, y: Array, u: Array, past: Past, at: Weighed) -> None:
         """Run the parameter's filter (the paper, section 5.3) for one sample.
 
-        `at`: sum of the past states, with the weights of the fractional difference for the newest order.
+        `at`: sums of the past states, weighted for the present estimate of the order.
         """
         before = self.parameter
         points = self._sigma_points(before)
@@ -172,8 +172,8 @@ class _Step:
     def _sigma_points(self, walk: Walk) -> Array:
         """Return the sigma points: the mean, and the mean ± sqrt((1 + κ) P̃), (3, runs).
 
-        P̃ is the predicted variance. In one dimension and with a width of 1 (the paper's 𝔄), the paper's λ is
-        κ.
+        P̃ is the predicted variance. The paper has λ in place of κ. Both are equal for one quantity and a
+        width of the sigma points of 1 (the paper's 𝔄).
         """
         root = np.sqrt((1 + self.reading.kappa) * (walk.P + walk.Q))
         return np.stack([walk.mean, walk.mean + root, walk.mean - root])
@@ -181,13 +181,15 @@ class _Step:
     def _updated(self, walk: Walk, points: Array, Y: Array, y: Array, R: Array, delta: float) -> Walk:
         """Run the measurement update that the filters of order and parameter share.
 
-        `points`: sigma points, (3, runs). `Y`: outputs that the model predicts at them, (3, runs).
+        `points`: sigma points, (3, runs). `Y`: the output that the model predicts at each sigma point, (3,
+        runs).
         """
         scale = 1 + self.reading.kappa
         sides = 1 / (2 * scale)
         mean = np.array([[self.reading.kappa / scale], [sides], [sides]])
         covariance = mean.copy()
-        # The paper adds 1 - 𝔄² + 𝔅 to the first weight. 𝔄, the width of the sigma points, is 1; 𝔅 is 2.
+        # The paper adds 1 - 𝔄² + 𝔅 to the weight of the mean in the covariances. Here 𝔄, the width of the
+        # sigma points, is 1, and 𝔅 is 2 for a Gaussian distribution.
         covariance[0] += 2
         covariance[: self.reading.sums_from] = 0
         dx, dy = points - points[0], Y - np.sum(mean * Y, axis=0)

@@ -170,7 +170,7 @@ class Report:
         self.progress(f"Figure {figure}", 1)
 
     def _one_run(self, name: str) -> tuple[Scenario, Data, dict[int, Estimates], str]:
-        """Return the run to draw: its data, its estimates by length, and which run it is."""
+        """Return the run to draw: scenario, data, estimates by length L, and in words which run it is."""
         scenario = self._scenarios[name]
         seed, why = figures.median_seed(scenario, self._outcomes(name))
         data = scenario.make([seed])
@@ -186,9 +186,9 @@ def _of_table(table: str) -> tuple[str, ...]:
 
 
 def _of_figure(figure: str) -> tuple[str, str]:
-    """Return the scenario and the quantity that a figure shows, by names.
+    """Return the name of the scenario and the name of the quantity that a figure shows.
 
-    Each example has three consecutive figures, and after the examples each axis has three.
+    Figures 2 to 10 show three quantities of each example, figures 12 to 20 three quantities of each axis.
     """
     number = int(figure)
     first, names = (2, ("1", "2", "3")) if number <= 10 else (12, tuple(paper.GYRO_R))

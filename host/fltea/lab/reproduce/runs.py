@@ -65,7 +65,7 @@ class Curves(Protocol):
 
     @property
     def f(self) -> Array:
-        """The parameter in s^-α."""
+        """The estimate f̂ of the parameter f in D^α x = f x + ω [s^-α]."""
 
     @property
     def alpha(self) -> Array:
@@ -90,7 +90,7 @@ def lane_settings(filters: LaneSettings, length: int, options: Options) -> LaneS
 
 
 Run = Callable[[Scenario, Data, int, Options], Curves]
-"""A function like `estimate`, which makes the estimates for every run of `data` with one length L."""
+"""A function with the arguments of `estimate`. It returns the estimates of all runs for one length L."""
 
 
 def outcomes(
@@ -104,8 +104,8 @@ def outcomes(
     """Run a scenario for all `seeds`, and return the results by length L.
 
     `advance` is called with the number of runs that were just finished. If the true state and order are not
-    known, the runs with other lengths are compared with those of the first length, which then has no entry.
-    `run` makes the estimates of `width` seeds at once.
+    known, a run with one of the other lengths is compared with the run with the first length; the first
+    length then has no result. `run` makes the estimates of `width` seeds at once.
     """
     seeds = seeds[:1] if scenario.single else seeds
     groups = [seeds[i : i + width] for i in range(0, len(seeds), width)]
@@ -163,7 +163,7 @@ def against_truth(scenario: Scenario, data: Data, got: Curves) -> Outcome:
 
 
 def _against(scenario: Scenario, data: Data, got: Curves, first: Curves) -> Outcome:
-    """Return the squared differences between runs with one length L and the runs `first` with another."""
+    """Return the errors of the runs `got` relative to the runs `first`, which have another length L."""
     lost = not_finite(got) | not_finite(first)
     far = [far_off(one, data.y, scenario.R**0.5) for one in (got, first)]
     return _outcome(got, (first.x, first.f, first.alpha), lost, (far[0] | far[1]) & ~lost)
