@@ -115,9 +115,9 @@ class Application {
     static constexpr uint32_t kReadUs =
         (Mpu9250::kBurstBytes + Mpu9250::kGuardBytes + 6) * 9 * 1000000 / settings::kI2cHz;
     static_assert(kReadUs < settings::kSamplePeriodUs * 3 / 4, "the bus has to take all samples");
-    // There are two reasons for this limit. The estimates of three axes take 1.1 ms of processor time per
-    // sample. And half a sampling period after a sample was sent, even a send buffer as small as Arduino's
-    // must have room for the message ESTIMATOR (Link::send).
+    // Estimates need a sampling period of at least 2 ms, for two reasons. The estimates of three axes take
+    // 1.1 ms of processor time per sample. And the message ESTIMATOR may be sent half a period after a
+    // sample. A send buffer as small as Arduino's must then have room for it (Link::send).
     static_assert(!settings::kEstimate || settings::kSamplePeriodUs >= 2000, "too fast for estimates");
 
     static constexpr uint32_t kLateUs = settings::kSamplePeriodUs / 10;

@@ -38,9 +38,9 @@ __attribute__((section(".ramfunc"), noinline)) static bool flash_ready_is(bool w
     return false;
 }
 
-// Reads the chip's identifier of 128 bits. `id` stays unchanged if the flash controller does not answer. This
-// function runs from RAM and with interrupts disabled, because the first flash bank shows the identifier in
-// place of the program meanwhile.
+// Reads the chip's identifier of 128 bits. `id` stays unchanged if the flash controller does not answer.
+// During the reading, the first flash bank shows the identifier in place of the program. This function
+// therefore runs from RAM and with interrupts disabled.
 __attribute__((section(".ramfunc"), noinline)) static void read_unique_identifier(uint32_t (&id)[4]) {
     constexpr uint32_t kKey = 0x5A000000, kStart = 0x0E, kStop = 0x0F;
     const uint32_t mode = EFC0->EEFC_FMR;

@@ -18,8 +18,8 @@ class WireBus final : public I2cBus {
     I2cResult read(uint8_t address, uint8_t reg, uint8_t* data, size_t n) override {
         if (!idle()) return I2cResult::timeout;
         const uint32_t began_us = micros();
-        // The controller may still hold a byte although the last read was complete (firmware/due/twi.cpp).
-        // Wire would take that byte for the first byte of this read, so it is read and dropped here.
+        // Even after a complete read, the controller may still hold an old byte (firmware/due/twi.cpp). Wire
+        // would take the old byte for the first byte of the new read, so it is fetched and dropped here.
         const uint32_t stale = WIRE_INTERFACE->TWI_RHR;
         static_cast<void>(stale);
         // A repeated start has to follow the register number. Only the overload of requestFrom() with an
@@ -60,9 +60,9 @@ class WireBus final : public I2cBus {
         release(PIN_WIRE_SCL);
         release(PIN_WIRE_SDA);
         const unsigned held = (low(PIN_WIRE_SDA) ? 1u : 0u) | (low(PIN_WIRE_SCL) ? 2u : 0u);
-        // Wire changes the pins without calling pinMode(), and pinMode() does nothing if it remembers that it
-        // has already set the requested mode. If the pins were left in the mode that release() requests, the
-        // next release() would therefore do nothing.
+        // start() gives the pins to Wire without pinMode(). But pinMode() remembers the mode that it last set
+        // for a pin, and does nothing if that mode is requested again. If that were the mode of release(),
+        // the next release() would not take the pins back from Wire. So another mode is set here.
         pinMode(PIN_WIRE_SDA, INPUT);
         pinMode(PIN_WIRE_SCL, INPUT);
         start();

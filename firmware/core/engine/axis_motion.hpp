@@ -28,16 +28,17 @@ class AxisMotion {
         bool knock;      // whether the chunk shows more than noise around the predictions
         float mean;      // mean of the chunk's innovations
         float variance;  // variance of this mean at rest
-        // number of consecutive chunks, ending with this one, that were knocks at a steady level: the
-        // innovations scattered little about their mean, and this mean was near that of the chunk before
+        // number of consecutive chunks, ending with this one, that were knocks with a steady mean: the
+        // innovations scattered little about their mean, and this mean was near that of the chunk before.
+        // This is how the chunks look after a step of the bias
         std::uint16_t stood;
     };
 
     // Begins without a filter. Samples then take the place of innovations, and their usual power, in squared
     // counts, is learned from the first chunks.
     AxisMotion() { begin(kOfRounding, 0); }
-    // Begins to judge the innovations of a filter. judge() then assumes that their usual power is at least
-    // the variance S that the filter predicts for them.
+    // Begins to judge the innovations of a filter, whose variance the filter predicts as S. Their usual power
+    // is then learned anew, but judge() assumes at least S.
     void begin_with_filter() { begin(1, kLearned); }
 
     // Adds an innovation. It must not have been clipped before.
@@ -52,8 +53,8 @@ class AxisMotion {
     float mean() const { return last_mean_; }
 
     // Judges the chunk of the last kChunk innovations. `S`: variance of the innovations as the filter
-    // predicts it, or 1 without a filter. `grown`: by how much the variance of the predictions in this chunk
-    // exceeds its normal value, because samples before the chunk were left out.
+    // predicts it, or 1 without a filter. `grown`: additional variance of the predictions, because the filter
+    // did not learn from the samples of a motion before this chunk.
     Verdict judge(float S, float grown, bool moving) {
         const float n = static_cast<float>(+kChunk), square = sum_ * sum_ / n;
         const float variance = S * math::fmax(usual_mean_, least_), apart = kGrown * n * grown;
@@ -74,7 +75,8 @@ class AxisMotion {
     }
 
   private:
-    // The square of three: the error of a prediction is assumed to be at most three standard deviations.
+    // A chunk is a knock only if the error of the predictions cannot explain it. That error is assumed to be
+    // at most three standard deviations. This is the square of three.
     static constexpr float kGrown = 9;
     enum { kLearned = 8, kRemembered = 64 };
     static constexpr float kOfRounding = 1.0f / 12;
@@ -96,7 +98,9 @@ class AxisMotion {
         usual_mean_ += (mean - usual_mean_) / n;
     }
 
-    // usual powers of the innovations and of their means, both divided by their predicted variance S
+    // All three are in units of the variance S that the filter predicts for an innovation. usual_power_:
+    // usual mean of a chunk's squared innovations. usual_mean_: usual square of their mean, times their
+    // number. least_: lower limit of both
     float least_, usual_power_, usual_mean_;
     float sum_, powers_, largest_, last_mean_;
     std::uint16_t chunks_, stood_;

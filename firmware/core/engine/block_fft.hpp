@@ -72,7 +72,7 @@ class BlockFft {
         for (int stride = 1; stride < kHalf; stride *= 2, from = 1 - from) {
             const int pairs = kHalf / 2 / stride;
             for (int p = 0; p < pairs; ++p) {
-                // c and s give the factor e^{-2 pi i p / (2 pairs)} of pair p
+                // e^{-i angle} = c - i s is the factor of pair p; angle = 2 pi p / (2 pairs)
                 const Coefficient c = tables.cosine(2 * p * stride), s = tables.sine(2 * p * stride);
                 const Value* const ar = work.half_[from].part[0] + stride * p;
                 const Value* const ai = work.half_[from].part[1] + stride * p;

@@ -2,12 +2,14 @@
 // axis it computes sums of powers for each frequency. The spectrum consists of levels: level 0 is the stream
 // of samples, and each further level is the stream of the level before at half the rate (octave_ladder.hpp).
 //
-// Values are computed in 1,024ths of a count, so their rounding adds far less noise than the rounding of the
-// counts themselves. From level to level the noise becomes smaller. Three of the first five steps from one
-// level to the next therefore halve this unit. A level stores the difference of each value from a base in 16
-// bits; the base follows the stream. Where the values of a stream spread too far for 16 bits, they are stored
-// in a larger unit. In a bin of white noise that is averaged over at least eight blocks, the power agrees to
-// 0.1 % with a computation in double.
+// The values of level 0 are in units of 1/1,024 count, so their rounding adds far less noise than the
+// rounding of the counts themselves. Each level has less noise than the level before. Three of the first five
+// steps from one level to the next therefore halve the unit.
+//
+// A level stores each value in 16 bits, as its difference from a base. The base is changed when the values
+// drift away from it. If the values spread too far for 16 bits, the differences are stored in a larger unit.
+// In a bin of white noise that is averaged over at least eight blocks, the power agrees to 0.1 % with a
+// computation in double.
 #ifndef FLTEA_COUNT_SPECTRUM_HPP
 #define FLTEA_COUNT_SPECTRUM_HPP
 
@@ -86,8 +88,8 @@ struct CountSpectrum {
             const float size = static_cast<float>(n);
             mean_ = static_cast<float>(sum) / size;
             power_ = fixed::to_float(power, 0) / size;
-            // The distances of the largest and the smallest sample from the mean, times n, are computed
-            // without rounding before they are divided.
+            // The distances of the largest and the smallest sample from the mean, multiplied by n, are
+            // integers. So the only rounding is that of the division by n.
             const float up = static_cast<float>(high * n - sum) / size;
             const float down = static_cast<float>(sum - low * n) / size;
             largest_ = up > down ? up * up : down * down;
@@ -117,8 +119,8 @@ struct CountSpectrum {
         static constexpr std::uint64_t oldest(std::uint64_t) { return 0; }
     };
 
-    // The unit of level 0 is 2^-kPlaces counts. In this unit, and in the smaller ones of other levels, even
-    // the largest values of a sensor fit into a Value.
+    // The unit of level 0 is 2^-kPlaces counts. The units of the other levels are at most eight times
+    // smaller. In all of them, the largest values of a sensor fit into a Value.
     enum { kPlaces = 10 };
     static Value value(Input y, Input origin) { return (Value(y) - Value(origin)) * (1 << kPlaces); }
 
@@ -157,9 +159,9 @@ struct CountSpectrum {
         }
         Value value(Stored x) const { return Value(x) * (1 << shift_) + base_; }
 
-        // Chooses base and unit anew, so that all stored values and the newest value fit into 16 bits, as
-        // multiples of the unit, counted from the base. Keeps the old base and unit if the new unit would be
-        // larger than 2^most times the unit of this level of the running spectrum.
+        // Chooses base and unit anew: the base half way between the smallest and the largest value, and the
+        // unit so large that all stored values and the newest one fit into 16 bits. `most`: if the new unit
+        // were larger than 2^most times the level's own unit, nothing is changed.
         void choose(Value newest, Stored* x, int fill, int most) {
             Value low = newest, high = newest;
             for (int i = 0; i < fill; ++i) {
@@ -180,8 +182,8 @@ struct CountSpectrum {
     };
 
     // A block of values minus the mean of the block, in units of 2^-places. The unit is chosen so that the
-    // largest value has about 22 bits. The Fourier transform makes values up to 128 times as large, and these
-    // have to fit into 32 bits.
+    // largest value has about 22 bits. The Fourier transform makes values up to 128 times as large, and its
+    // results have to fit into 32 bits.
     template <typename From>
     class Centred {
       public:
@@ -201,7 +203,7 @@ struct CountSpectrum {
         int places() const { return kFine + lift_; }
 
       private:
-        enum { kFine = 8 };  // in units of 2^-8, the mean of 256 integer values is exact
+        enum { kFine = 8 };  // the mean of 256 integers is a multiple of 2^-8, so it is exact in this unit
 
         Value fine(int i) const { return Value(x_[i]) * (1 << kFine) - sum_; }
 

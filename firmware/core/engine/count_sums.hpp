@@ -57,8 +57,8 @@ class CountSums {
     // bits
     enum { kFirst = 30 };
 
-    // Makes the unit of the sums 2^places times as large. The unit of the sums is 2^coarse_ times the squared
-    // unit of the level's values.
+    // The sums are in units of 2^coarse_ times the square of the unit of the level's values. Makes their unit
+    // 2^places times as large, and rounds the sums to it.
     void coarsen(int places) {
         coarse_ += places;
         most_ = 0;

@@ -65,10 +65,7 @@ struct Estimate {
     T alpha, alpha_variance, f, f_variance, x, P, innovation, innovation_variance;
 };
 
-// How one measurement changes the estimate of the order or of the parameter f, and the variance of the
-// estimate after that (the paper, sections 5.1 and 5.3). unscented_update() computes it. `Y`: outputs that
-// the model predicts at the sigma points. `R`: variance of the measurement noise. `gate`: limit of the guard
-// for the innovation. `cause`: the cause that the guard counts if this limit weakens the update.
+// What one measurement makes of the estimate of the order or of the parameter f.
 template <class T>
 struct Update {
     T correction;  // gain K times innovation e
@@ -83,13 +80,17 @@ T deviation(T point, T mean, T step) {
     return select(point == mean + step, step, point - mean);
 }
 
+// The unscented measurement update of the order or of f (the paper, sections 5.1 and 5.3). `points`: the
+// sigma points, the first of which is `mean`, and the others `step` away. `Y`: the sample that the model
+// predicts at each of them. `R`: variance of the measurement noise. If the innovation exceeds `gate` standard
+// deviations, the guard enlarges R and counts `cause`.
 template <class T>
 Update<T> unscented_update(T mean, T step, const T (&points)[3], const T (&Y)[3], T y, T R, T gate,
                            Guards<T>& guards, Cause cause) {
     const T Wm0 = T(2.0 / 3.0), Wc0 = T(8.0 / 3.0), W = T(1.0 / 6.0);
     const T y_mean = Wm0 * Y[0] + W * Y[1] + W * Y[2];
     const T dy0 = Y[0] - y_mean, dy1 = Y[1] - y_mean, dy2 = Y[2] - y_mean;
-    // The first sigma point is the mean itself, so it has no deviation.
+    // points[0] is the mean itself, so it adds nothing to the covariance from which the gain K is computed.
     const T dx1 = deviation(points[1], mean, step), dx2 = deviation(points[2], mean, -step);
     const T wy0 = Wc0 * dy0, wy1 = W * dy1, wy2 = W * dy2;
     const T e = y - y_mean;
@@ -116,16 +117,17 @@ T sigma_points(T mean, T P, T (&points)[3]) {
     return root;
 }
 
-// Adapts the variance Q of a random walk's steps to the newest correction, and returns the new Q
-// (Robbins-Monro). `delta`: weight of the newest correction; old corrections are forgotten.
+// Returns the new variance Q of the steps of a random walk (Robbins-Monro). It is a weighted mean of the old
+// Q and the square of `correction`, the change of the estimate by the newest sample. `delta`: weight of this
+// square.
 template <class T>
 T adapted(T Q, T delta, T correction) {
     return (T(1) - delta) * Q + delta * (correction * correction);
 }
 
-// Whether a memory of past states computes every order that the filters ask for. Most memories do, because
-// they support all orders, or all orders within the limits of guard.hpp (memory_fixed.hpp).
-// memory_compressed.hpp replaces orders beyond its range, and such a replacement is counted.
+// Whether a memory of past states supports every order that the filters ask for. Most memories do: they have
+// no limits, or the same limits as guard.hpp (memory_fixed.hpp). CompressedMemory does not: it replaces an
+// order beyond its range by the nearest one in its range, which note_order() counts.
 template <class T>
 class CompressedMemory;
 template <class Memory>
@@ -137,8 +139,9 @@ struct AnyOrder<CompressedMemory<T>> {
     static constexpr bool value = false;
 };
 
-// Counts the lanes (axes) in which the memory replaces `order` because it is beyond the memory's range.
-// `lowest`: lowest order for which the requested sum can be computed.
+// Counts the lanes (axes) in which the memory does not support `order` and takes the nearest order that it
+// does support. `lowest`: lowest order that it supports for the sum in question (kLowestOrder for a sum of
+// states, kLowestVarianceOrder for a sum of variances).
 template <class Memory, class T>
 void note_order(T order, T lowest, Guards<T>& guards) {
     typedef Real<T> R;
@@ -163,8 +166,9 @@ Prediction<T> predict_state(const StateBelief<T>& state, T alpha, T beta, T rate
 }
 
 // Measurement update of the state's filter KFx (the paper, section 5.2). Also writes the results to `out`. If
-// the sample is missing, the new state is the prediction. `drive`: the input h^alpha u. The guard limits
-// predictions in a gap; the limit grows with the size of this input at each missing sample.
+// the sample is missing, the new state is the prediction. `drive`: the input h^alpha u. While samples are
+// missing, the guard limits the predicted state to a multiple of `reach`, which grows by |drive| at each of
+// them.
 template <class T>
 void update_state(StateBelief<T>& state, Prediction<T> at, T V, T drive, const Sample<T>& sample,
                   const Tuning<T>& p, Guards<T>& guards, Estimate<T>& out) {
@@ -229,8 +233,8 @@ struct Triple {
         const T rate = gain * (f * state.x + sample.u);
         const Prediction<T> at = predict_state(state, alpha, gain * f, rate, past, V, p.Q);
 
-        // The filter KFw estimates the parameter f (the paper, section 5.3). It uses the outputs of the same
-        // model at the new order: one output for each sigma point of f.
+        // The filter KFw estimates the parameter f (the paper, section 5.3). It puts three sigma points of f
+        // into the same model, at the order that was just estimated.
         const T P = guards.parameter_variance(parameter.P + parameter.Q, alpha, scale.down);
         guards.consider(!missing);
         T points[3], Y[3];

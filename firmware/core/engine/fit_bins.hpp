@@ -107,9 +107,8 @@ class FitBins {
             line_ = kLowest;
             return;
         }
-        // Index of the highest ordinate to compute. The frequency of this ordinate lies just below the lowest
-        // frequency of the octave above. If there is no such octave, it lies just below the Nyquist
-        // frequency.
+        // Index of the highest ordinate to compute: the last one below the frequencies that the Welch sums of
+        // the octave above cover. If there are no Welch sums, it is the last one below the Nyquist frequency.
         const int last = depth == 0 ? (n - 1) / 2 : ((2 * kFirst - 1) * n - 1) / kBlock;
         if (line_ > last) {
             close();
@@ -118,7 +117,7 @@ class FitBins {
             return;
         }
         const float step = kTurn / static_cast<float>(n) * two_to(-depth);
-        // the periodogram of a stored stretch is not averaged, so a bin may consist of a single ordinate
+        // one ordinate is enough for a bin here (two frequencies are the minimum in Welch sums)
         add(step * static_cast<float>(line_), 1.0f,
             lines_.power(line_) * two_to(spectrum.exponent(depth) + depth), 1);
         ++line_;
@@ -128,9 +127,9 @@ class FitBins {
         float power[Ladder::kTopLines], blocks = 0, effective = 0;
         spectrum.ladder().sums(level, 0, power, &blocks, &effective);
         if (!(blocks > 0)) return;
-        // Each line counts as `weight` independent ordinates. This number is smaller than the number of
-        // blocks, because neighbouring lines under Hann's window are correlated, and so are blocks that
-        // overlap by half.
+        // Each frequency of the Welch sums counts as `weight` independent ordinates. This number is smaller
+        // than the number of blocks, because neighbouring frequencies under Hann's window are correlated, and
+        // so are blocks that overlap by half.
         const float weight = blocks / (1.0f + 17.0f / 18.0f + 2.0f / 12.0f * (1.0f - 1.0f / blocks));
         const float scale = two_to(spectrum.exponent(level) + level) / (96.0f * blocks);
         const float step = kTurn / static_cast<float>(kBlock) * two_to(-level);
@@ -172,8 +171,8 @@ class FitBins {
     int size_, left_out_ = 0;
     float ordinates_, sum_ = 0;
     Stage stage_;
-    // `stretch_`: index of the present octave. After all octaves: index of the present stretch of stored
-    // samples, from which the lowest frequencies come.
+    // `stretch_`: first the index of the octave whose Welch sums come next. After all octaves, the index of
+    // the stretch of stored samples that comes next, for the lowest frequencies.
     int stretch_, line_;
     Open open_;
     WholeLines<kCapacity> lines_;

@@ -68,9 +68,9 @@ class FitMemory {
         bool known;
         unsigned char look;  // index of the grid point that will be tested next
     };
-    // Writes all figures of a fit except the interval of the order. `full`: the fractional model whose order
-    // may have any value (kFull). `unit`: the power that the fit counts as 1. Returns false if white noise is
-    // not rejected, because there is no interval to compute then.
+    // Writes all figures of a fit except the interval of the order. `full`: the model kFull, which allows
+    // every order. `unit`: the power that the fit counts as 1. Returns whether white noise is rejected. If it
+    // is not, there is no order, and no interval of it to compute.
     bool report(const Model<float>& full, NullLevel level, float ordinates, float unit) {
         const Answer& best = answers_[kFull];
         FitFigures& f = figures_;
@@ -79,8 +79,8 @@ class FitMemory {
         f.ratio_white = 2.0f * (answers_[kWhiteNoise].nll - answers_[kUpToOne].nll);
         f.ratio_ar1 = 2.0f * (answers_[kRelaxation].nll - best.nll);
         note_relaxation(unit);
-        // If white noise is not rejected, the best fractional model may have counted power of the white noise
-        // as power of the state. R is therefore set to the whole power.
+        // If white noise is not rejected, all power is white noise, so R is the whole power. The R of the
+        // best fractional model may be smaller, because that model may have taken white noise for its state.
         if (f.ratio_white < null_quantile(level, f.ordinates)) {
             f.verdict = Verdict::white;
             f.R = unit;
@@ -99,8 +99,8 @@ class FitMemory {
     void note_relaxation(float unit) {
         const Answer& answer = answers_[kRelaxation];
         if (!answer.known) return;
-        // The free parameters `theta` are logits of numbers between 0 and 1. The negated logit gives 1 minus
-        // such a number, and does so precisely even where the number is close to 1.
+        // theta[0] and theta[1] are the logits of numbers between 0 and 1. 1 minus such a number is computed
+        // from the negated logit, because a subtraction would lose digits if the number is close to 1.
         const float fall = 2.0f * Share<float>(-answer.theta[0]).value, power = answer.scale * unit;
         figures_.relaxation_fall = fall;
         figures_.relaxation_variance = Share<float>(answer.theta[1]).value * power / (fall * (2.0f - fall));

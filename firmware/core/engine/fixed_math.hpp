@@ -11,7 +11,7 @@ namespace fltea {
 namespace engine {
 namespace fixed {
 
-// Returns the product a b, in a unit that is 2^30 times the product of the units of a and b.
+// Returns a b / 2^30. So if a is in units of 2^-28, and b in units of 2^-30, the result is in units of 2^-28.
 inline std::int32_t product30(std::int32_t a, std::int32_t b) {
     return static_cast<std::int32_t>((static_cast<std::int64_t>(a) * b) >> 30);
 }
@@ -54,8 +54,8 @@ inline float to_float(std::int64_t count, int exponent) {
     m <<= places;
     const int biased = exponent + 63 - places + 127;
     if (biased < 1 || biased > 253) return 0;
-    // The count is rounded to 24 bits. If the rounding carries into a further bit, the carry increments the
-    // exponent.
+    // The highest 24 bits of the count become the mantissa, rounded. If they are all ones and are rounded up,
+    // the addition carries into the exponent, which is right.
     const std::uint32_t top = static_cast<std::uint32_t>(m >> 32);
     std::uint32_t bits =
         (static_cast<std::uint32_t>(biased) << 23) - 0x800000 + ((top >> 8) + (top >> 7 & 1));

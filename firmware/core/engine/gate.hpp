@@ -39,8 +39,8 @@ struct GateCounts {
     std::uint64_t knocks;   // chunks that were left out as knocks (disturbances)
     std::uint64_t knocked;  // samples that were left out because of knocks and steps
     std::uint64_t steps;
-    // number of changes of the noise's power: times that so many consecutive chunks were left out as knocks
-    // that their variance became the new running level (the usual variance)
+    // How often the noise's power has changed: kKnocksToChange consecutive chunks were left out as knocks,
+    // and then their variance became the new running level (the usual variance).
     std::uint64_t changes;
     std::uint64_t limited;  // samples that were clipped because they were far from the mean of their chunk
 };
@@ -53,8 +53,8 @@ class Gate {
   public:
     enum { kChunk = 128, kLongestBridge = 8, kKnocksToChange = 8, kRunning = 256, kFewestJumps = 16 };
     // Limits, as multiples of the running level, which is the running mean of the variance of accepted
-    // chunks. kKnock: limit for the power of a chunk. kSpike: limit for the squared distance of a sample from
-    // its chunk's mean. kLimit: squared distance at which a sample is clipped.
+    // chunks. A chunk is a knock if its power exceeds kKnock, or the squared distance of a sample from the
+    // chunk's mean exceeds kSpike. In an accepted chunk, samples are clipped at the squared distance kLimit.
     enum { kKnock = 16, kSpike = 10000, kLimit = 144 };
 
     Gate()
@@ -244,7 +244,7 @@ class Gate {
             ++bridged_;
             ++counts_.bridged;
             if (fill_ == kChunk) hand_on(sink);
-            if (!has_last_) {  // the chunk in which the gap begins was left out
+            if (!has_last_) {  // the chunk with the beginning of the gap was full and was left out
                 number_ += missing - i;
                 return;
             }
@@ -273,8 +273,8 @@ class Gate {
         fill_ = bridged_ = 0;
     }
 
-    // Whether the present chunk is accepted. An incomplete chunk is judged as if its missing samples had no
-    // noise.
+    // Whether the present chunk is accepted. An incomplete chunk has to stay below the same limit for the sum
+    // of squares as a complete one.
     bool belongs() {
         const typename Kind::Moments moments(chunk_, fill_);
         const Real mean = moments.mean(), power = moments.power(), largest = moments.largest();
@@ -326,10 +326,11 @@ class Gate {
         ++counts_.changes;
     }
 
-    // Whether the mean has stepped from one chunk to the next. `jump`, the difference of the two means, is
-    // compared with the running mean of the squares of earlier jumps. While only few jumps are known, a jump
-    // has to be larger to count as a step. A step enters the running mean as the largest jump that would not
-    // be a step, so that the running mean can follow noise that grows.
+    // Whether the mean has stepped from one chunk to the next. `jump`: difference of the two means. It is a
+    // step if it is more than 5.5 times the usual jump (the root of the running mean of squared jumps). While
+    // few jumps are known, this limit is higher, and the first kFewestJumps jumps are never steps. A step
+    // enters the running mean as the largest jump that would not have been one. So a single step changes it
+    // little, but noise that grows still raises it.
     bool is_step(Real jump, Real rounding) {
         const Real level = jumps_level_ > rounding ? jumps_level_ : rounding;
         const Real deviations = jumps_ > 0 ? Real(5.5) * (1 + Real(8) / Real(jumps_)) : Real(0);
@@ -345,16 +346,18 @@ class Gate {
     Input chunk_[kChunk];
     unsigned char made_up_[kChunk];
     int fill_;
-    // `number_`: sample number of chunk_[0]. `missing_`: number of lost samples before the next one, for
-    // which the gate has neither filled the gap nor made a break yet.
+    // `number_`: sample number of chunk_[0]. `missing_`: number of samples that were lost after the newest
+    // one. Whether they are filled in is decided when the next sample comes.
     std::uint64_t number_, missing_;
     int bridged_, has_last_, has_mean_, credit_;
+    // `last_`: newest sample. `mean_`: mean of the newest complete chunk. has_last_ and has_mean_ say whether
+    // there was one since the last break.
     Input last_;
-    // last_: newest sample since the last break; mean_: mean of the newest chunk since that break
     Real mean_;
     Real level_;  // the running level: mean of the variances of `chunks_` chunks
     int chunks_;
-    // number of consecutive knocks (disturbed chunks) so far; knocks_level_: mean variance of these knocks
+    // `knocks_`: number of consecutive chunks, up to now, that were knocks. `knocks_level_`: mean of their
+    // variances.
     int knocks_;
     Real knocks_level_;
     int jumps_;

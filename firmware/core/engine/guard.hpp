@@ -16,8 +16,8 @@ inline namespace FLTEA_INSTRUCTION_SET {
 enum class Guard : int {
     off = 0,       // the paper's algorithm, which may diverge
     faithful = 1,  // the paper's algorithm, with limits on innovations, estimates and state
-    // as with the guard `faithful`, but the filters of order and parameter also count the state's variance as
-    // noise
+    // like `faithful`, but the filters of order and parameter also add the variance of the predicted state to
+    // the variance of the measurement noise
     consistent = 2
 };
 
@@ -71,8 +71,9 @@ class Guards {
 
     T order(T alpha) { return active() ? clip(alpha, T(0), T(2), kOrderBox) : alpha; }
 
-    // Limits a sigma point of the order to half an order beyond the order's own bounds. If sigma points were
-    // clipped at the order's own bounds, their mean would move inwards.
+    // Limits a sigma point of the order to [-1/2, 5/2], which is wider than the bounds of the order itself,
+    // [0, 2]. Near a bound, the narrower limits would clip one of the two outer points and not the other, and
+    // the mean of the points would move inwards.
     T order_point(T alpha) { return active() ? clip(alpha, T(-0.5), T(2.5), kOrderSigma) : alpha; }
 
     // Limits the variance of the order to 1/3. With this variance, the sigma points are at a distance of 1
@@ -138,9 +139,9 @@ class Guards {
     }
 
   private:
-    // Whether beta = h^alpha f is certainly within its bounds, so that the exponential in lowest_beta() need
-    // not be computed. For orders alpha of at least 0, the lowest allowed beta is at most -2. For SIMD packs
-    // this function returns false.
+    // A quick test whether beta = h^alpha f is within its bounds: for alpha >= 0, the lower bound is -2 or
+    // less. If the result is false, beta has to be compared with lowest_beta(), which computes an
+    // exponential. For SIMD packs the result is always false.
     static bool plainly_within(T beta, T alpha) {
         return Lanes<T>::count == 1 && all((alpha >= T(0)) & (beta >= T(-2)) & (beta <= T(1)));
     }

@@ -37,10 +37,10 @@ struct HalfBand {
         return taps[k];
     }
 
-    // Halves the sampling rate: computes those outputs of the half-band filter whose newest sample has an
-    // even index in x, from `from` to before `to`. Returns the number of these outputs. x begins at the first
-    // sample after a break of the stream, or an even number of samples later. to - from is at most kMost. The
-    // newest sample of the first output has the index first_place(from). `level`: level of the running
+    // Halves the sampling rate: filters x, but computes only every second output. Of these, it writes to
+    // `out` those whose newest sample has an index from first_place(from) to before `to`. Returns their
+    // number. first_place() is even. x therefore has to begin at the first sample after a break of the
+    // stream, or an even number of samples later. to - from is at most kMost. `level`: level of the running
     // spectrum to which x belongs, which determines the units of x and of the outputs.
     template <typename Stored>
     static int run(const Stored* x, int from, int to, int level, Value* out) {

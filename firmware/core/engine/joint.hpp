@@ -79,7 +79,8 @@ struct Joint {
         const T root3 = T(1.7320508075688772), zero = T(0);
         const T l_aa = sqrt(at.aa);
         const T l_ba = select(l_aa > zero, at.ab / l_aa, zero);
-        const T rest = at.bb - l_ba * l_ba;  // rounding can make this difference negative
+        // the part of at.bb that alpha does not explain; rounding can make it negative
+        const T rest = at.bb - l_ba * l_ba;
         const T da = root3 * l_aa, dab = root3 * l_ba, db = root3 * sqrt(select(rest < zero, zero, rest));
 
         T orders[3] = {alpha, guards.order_point(alpha + da), guards.order_point(alpha - da)};
@@ -131,8 +132,9 @@ struct Joint {
         move_to(made_a, made_b, next, p.parameter_delta, sample.missing);
     }
 
-    // Sets alpha and beta = h^alpha f to new values and P to their covariance, and updates Q by the squares
-    // of the changes. Where the sample is missing, nothing changes.
+    // Sets alpha and beta = h^alpha f to new values, and P to their covariance. Q becomes a weighted mean of
+    // the old Q and the products of the two changes. `delta`: weight of these products. Lanes without a
+    // sample keep everything.
     void move_to(T made_a, T made_b, const Covariance<T>& next, T delta, MaskOf<T> missing) {
         const T moved_a = made_a - alpha, moved_b = made_b - beta, kept = T(1) - delta;
         Q.aa = select(missing, Q.aa, kept * Q.aa + delta * (moved_a * moved_a));

@@ -105,7 +105,7 @@ class CompressedMemory {
     // P_{k-j} its variance, L(k) the length of the memory. V is not negative if no P is negative.
     T variance_sum(T order) const { return variance(at(order, kLowestVarianceOrder)); }
 
-    // Computes for one order S (sum of states) and V (sum of variances). Range of orders: as variance_sum().
+    // Computes both sums for one order: S of state_sums(), and V and the range of orders of variance_sum().
     void sums(T order, T& S, T& V) const {
         const Order orders[1] = {at(order, kLowestVarianceOrder)};
         T state[1];
@@ -135,10 +135,10 @@ class CompressedMemory {
     // the ring, prefetching has no effect.
     static constexpr std::size_t kPrefetch = 16;
 
-    // What the sums for one order need besides the modes (decaying sums of past states or variances).
+    // What the sums need to know about one order.
     struct Order {
         T order;
-        T b, sine;         // b = a + 1 and sin(pi a); a is the order, kept away from -1 by at()
+        T b, sine;         // b = a + 1 and sin(pi a), with a: the order, but a little away from -1 (see at())
         Powers<T> powers;  // e^{a step} and e^{-a step}; e^step: ratio of neighbouring modes' decay rates
     };
 
@@ -146,15 +146,15 @@ class CompressedMemory {
     // kLowestOrder or kLowestVarianceOrder.
     Order at(T order, double lowest) const {
         order = min(max(order, T(R(lowest))), T(R(kHighestOrder)));
-        // At a = -1 the sums over the modes are 0 times infinity. Near a = -1, the error of the sums is the
-        // rounding error divided by the distance of a from -1.
+        // At a = -1 the sums over the modes are 0 times infinity, and near -1 their rounding error is divided
+        // by the distance of a from -1. So a is kept at this distance.
         const T distance = T(sizeof(R) == 8 ? R(1e-8) : R(1e-4));
         const T a = select(abs(order + T(R(1))) < distance, distance - T(R(1)), order);
         return Order{order, a + T(R(1)), sin_pi(a), exp_both(a * T(R(nodes_.step)))};
     }
 
     // Sums over the newest 15 samples with exact weights: c_j = (-a)(1-a) ... (j-1-a) / j!, by nested
-    // products. A weight is exactly 0 where a factor is 0.
+    // products. At an integer order, one of these factors is 0 for large j, so c_j is exactly 0.
     template <int N>
     void state_heads(const Order (&orders)[N], T (&S)[N]) const {
         const T* const x = x_ + head_position_;
@@ -178,10 +178,10 @@ class CompressedMemory {
         return factor * factor * V;
     }
 
-    // Advances each mode z (a decaying sum of past samples): z becomes z - om z + K in - KW out. om is the
-    // proportion of z that decays (computing z (1 - om) would lose a small om by rounding). The sample `in`
-    // enters with the weight K, and `out` leaves the memory with the weight KW. The first `forgotten` modes
-    // contain nothing of `out` any more. The last element of z is the plain sum of all samples in the modes.
+    // Advances each mode z (a decaying sum of past samples): z becomes z - om z + K in - KW out. `in`: new
+    // sample, with the weight K. `out`: sample that leaves the memory, with the weight KW that is left of K.
+    // om: decay per sample; z (1 - om) would lose digits of a small om. The first `forgotten` modes have no
+    // `out`: nothing is left of it there. The last element of z is the plain sum of the samples in the modes.
     static void advance(T* z, const R* table, std::size_t forgotten, std::size_t count, T in, T out) {
         constexpr std::size_t G = kGroup;
         T next[G];
@@ -199,10 +199,10 @@ class CompressedMemory {
     }
     static T kept(T z, const R* row, T in) { return mul_add(T(row[1]), in, mul_add(T(row[0]), z, z)); }
 
-    // The modes have decay rates in a geometric sequence, which ends. Returns what still slower modes would
-    // add to the sum, as an addition to the slowest mode. Their weights are G, Gq, Gq^2 ... times a function
-    // of the decay rate that is almost linear there. A parabola through rate 0 (the plain sum) and the two
-    // slowest modes replaces that function, so that the sum has a closed form (q-binomial theorem).
+    // Returns what the modes slower than the slowest stored one (infinitely many) would add to the sum, as an
+    // addition to that mode. The m-th would have the weight G^m times a nearly linear function of its decay
+    // rate. A parabola replaces this function: through its values at the two slowest stored modes, and at
+    // rate 0, where a mode is the plain sum. The sum then has a closed form.
     T slow_end(T G, const T* z, std::size_t count, R next_scale, R plain_scale) const {
         const R q = R(q_);
         const T one = T(R(1)), Gq = G * T(q), Gqq = Gq * T(q);
@@ -221,8 +221,8 @@ class CompressedMemory {
         return result;
     }
 
-    // Adds to S, the weighted sum of past states, what the modes z_i with the decay rates p_i contribute:
-    // sin(pi a) sum_i p_i^a z_i, by Horner's scheme in v = e^{-a step}. a: the order; e^step: p_i / p_{i+1}.
+    // Adds to S (see state_sums()) what the modes z_i with the decay rates p_i contribute: sin(pi a) sum_i
+    // p_i^a z_i, a polynomial in v = e^{-a step}. a: the order; e^step: p_i / p_{i+1}.
     template <int N>
     void add_state_tails(const Order (&orders)[N], T (&S)[N]) const {
         constexpr int G = kGroup;
@@ -241,7 +241,7 @@ class CompressedMemory {
             }
         }
         for (int n = 0; n < N; ++n) {
-            // slow_end() is added last, so that the multiplications of the modes z need not wait for it.
+            // slow_end() takes long. It is added last, so that the sum over the modes does not wait for it.
             const T v = orders[n].powers.down;
             const T end =
                 slow_end(v * T(R(q_)), state_, nodes_.state.count, R(-q_ * q_ * q_ * q_), R(state_plain_));
@@ -261,13 +261,13 @@ class CompressedMemory {
         return nodes_.state.count > 0 ? V + max(variance_tail(at), T(R(0))) : V;
     }
 
-    // Returns what the modes z_i with the decay rates q_i contribute to V, the weighted sum of past
-    // variances: sin^2(pi a) 4^b B(b, b) sum_i q_i^{2a} F_i z_i, by Horner's scheme in e^{-2 a step}. a: the
+    // Returns what the modes z_i of past variances, with the decay rates q_i, contribute to V (see
+    // variance_sum()): sin^2(pi a) 4^b B(b, b) sum_i q_i^{2a} F_i z_i, a polynomial in e^{-2 a step}. a: the
     // order; b = a + 1; B: the Beta function; F_i: the function F of memory_nodes.hpp at q_i.
     T variance_tail(const Order& at) const {
         constexpr std::size_t G = kGroup;
         const T b = at.b;
-        // t0 times the coefficients of F (memory_nodes.hpp); factor = 4^b B(b, b) / t0, B: Beta function
+        // t0 to t3: coefficients of F as a series in w (memory_nodes.hpp), times t0; factor: 4^b B(b, b) / t0
         const T b1 = b + T(R(1)), b2 = b + T(R(2)), b3 = b + T(R(3));
         const T h1 = b + T(R(0.5)), h3 = b + T(R(1.5)), h5 = b + T(R(2.5));
         const T t0 = h1 * h3 * h5, t1 = T(R(0.5)) * b * (h3 * h5), t2 = T(R(0.375)) * (b * b1) * h5,
@@ -335,7 +335,7 @@ class CompressedMemory {
             const double p = nodes_.node(nodes_.state, i), s = ::log1p(p);
             const double K = -nodes_.step / pi * p * ::exp(-(head + 2) * s);
             fill(state_table_ + 3 * i, p / (1 + p), K, s * length, state_forgotten_);
-            // Without decay, a mode would be the plain sum of all samples.
+            // the factor of the plain sum in slow_end(), which uses that sum as the mode with decay rate 0
             state_plain_ = -nodes_.step / pi * p * (1 - q_) * (1 - q_ * q_);
         }
         for (std::size_t i = 0; i < nodes_.variance.count; ++i) {
@@ -350,7 +350,7 @@ class CompressedMemory {
         variance_forgotten_ -= variance_forgotten_ % kGroup;
     }
 
-    // `decay`: while a sample crosses the window, the mode decays by the factor e^-decay.
+    // Fills a row of a table for advance(). From its entry to its exit, a sample decays by e^-decay.
     void fill(R* row, double om, double K, double decay, std::size_t& forgotten) const {
         row[0] = R(-om);
         row[1] = R(K);
@@ -382,10 +382,10 @@ class CompressedMemory {
     T* variance_;  // the modes (decaying sums) of past variances P, then their plain sum
     // the samples in the modes, as pairs of state x and variance P; the one at ring_position_ leaves next
     T* ring_;
-    R* state_table_;  // for advance(), for each mode of x: -om (decay), weights K and -KW
+    R* state_table_;  // for each mode of x, the three factors that advance() explains: -om, K and -KW
     R* variance_table_;
     R* w_;           // for each mode of the variances: argument w of the function F (memory_nodes.hpp)
-    R* head_table_;  // for j = 1 .. 15: j, 1/j! and 1/j!^2; beyond the memory's length, the last two are 0
+    R* head_table_;  // for j = 1 .. 15: j, 1/j! and 1/j!^2, or j, 0 and 0 if j exceeds the memory's length
     double q_;       // e^{-step}
     double state_plain_, variance_plain_;
     std::size_t state_forgotten_, variance_forgotten_;

@@ -1,8 +1,8 @@
 // The memory of past states for a processor without floating point. It is the memory of
 // memory_compressed.hpp, computed in integers and without a limit of its length. The state x is kept in units
 // of 2^-21 to 2^-20 of the noise's standard deviation sqrt(R). x is clipped at 256 of these standard
-// deviations or more, which only a knock exceeds. The variance P of a state is kept in float, and only for
-// the newest 15 samples, whose weights are exact.
+// deviations or more, which only a knock exceeds. The weights of the newest FixedNodes::head samples are
+// exact. The variance P of a state is kept for these samples only, in float.
 //
 // It differs from memory_compressed.hpp in three ways. First, orders outside of [-1/2, 5/2] are replaced by
 // the nearest order in this range, to which the guard limits them anyway. Second, modes slower than the
@@ -98,8 +98,8 @@ class FixedMemory {
             const fixed::Power power = fixed::power_of_two(in_steps(-a, Nodes::step));
             v = power.n >= 0 ? power.m << power.n : power.m >> -power.n;
         }
-        // Returns the product a * step in units of 2^-26. `a`: an order, in units of 2^-28. `step`: a binary
-        // logarithm of decay rates, in units of 2^-29.
+        // Returns a * step in units of 2^-26. `a`: an order, in units of 2^-28. `step`: binary logarithm of a
+        // decay rate or of a ratio of decay rates, in units of 2^-29.
         static std::int32_t in_steps(std::int32_t a, std::int32_t step) {
             return static_cast<std::int32_t>((static_cast<std::int64_t>(a) * step) >> 31);
         }
@@ -131,17 +131,17 @@ class FixedMemory {
         }
     }
 
-    // Computes sum_i v^i K_i z_i over the modes z_i with their weights K_i; v = e^{-a step} as in Order. The
-    // sum also includes the infinite series of modes slower than the last stored one. In each of these, the
-    // plain sum of the past takes the place of z_i.
+    // Computes sum_i v^i K_i z_i over the modes z_i with their weights K_i; v = e^{-a step} as in Order.
+    // Infinitely many modes slower than the stored ones are included. In their terms, the plain sum of the
+    // past replaces z_i, so that these terms are a geometric series.
     template <int N>
     void tails(const Order (&at)[N], std::int64_t (&sum)[N]) const {
         const std::int64_t slower = fixed::product30(plain_, Nodes::plain);
         for (int n = 0; n < N; ++n) {
             const std::uint32_t g = static_cast<std::uint32_t>(fixed::product30(at[n].v, Nodes::ratio));
             const std::uint32_t series =
-                // the geometric series g + g^2 + ... in units of 2^-15; g = v e^-step is the factor from one
-                // slower mode's term to the next
+                // the geometric series g + g^2 + ... in units of 2^-15: one term for each slower mode; g = v
+                // e^-step is the ratio of neighbouring terms
                 (g << 1) / (((UINT32_C(1) << 30) - g) >> 14);
             sum[n] = fixed::product30(slower, static_cast<std::int32_t>(series << 15));
         }
@@ -164,7 +164,7 @@ class FixedMemory {
         }
         const float a = min(max(order, -0.25f), kHighest), beyond = float(Nodes::head + 1);
         // c_j is the weight of the sample that is j samples old. The sum of c_j^2 over all samples older than
-        // the newest 15 follows from the Euler-Maclaurin formula.
+        // those in x_ follows from the Euler-Maclaurin formula.
         const float c = a * fixed::to_float(fixed::product30(product, at.next(Nodes::head)), -30);
         const float rest = P_[Nodes::head - 1] * (c * c) * ((beyond - 0.5f * a) / (1.0f + 2.0f * a) + 0.5f);
         return a * a * sum + rest;
@@ -172,8 +172,8 @@ class FixedMemory {
 
     std::int32_t x_[Nodes::head];  // the newest samples, newest first
     float P_[Nodes::head];
-    // the modes: exponentially weighted means of past states, from the fastest to the slowest decay; their
-    // unit is 2^-31 times that of the states
+    // the modes, from the fastest to the slowest decay. A mode is an exponentially weighted mean of past
+    // states x. Its unit is 2^-31 times the unit of x
     std::int64_t z_[Nodes::count];
     std::int64_t plain_;  // sum of all states that are no longer in x_
     int x_unit_;          // the unit of x is 2^x_unit_

@@ -54,8 +54,7 @@ inline CompressedConfig compressed_config(std::size_t window, int digits = kDefa
 // A set of modes (decaying sums of the past). Their nodes (decay rates) are e^{(top - i) step}, i = 0 ..
 // count-1, from the fastest to the slowest.
 struct Bank {
-    // number of grid steps from a decay rate of 1 up to the fastest node: the logarithm of that node, divided
-    // by the step of the logarithm
+    // number of grid steps from a decay rate of 1 up to the fastest node, which is e^{top step}
     std::size_t top;
     std::size_t count;  // number of modes, a multiple of kGroup
 };
@@ -68,8 +67,8 @@ constexpr std::size_t kGroup = 4;
 // functions of libm. The last digit of these may differ between libraries, which does not matter for nodes.
 struct Nodes {
     // Number of newest samples whose weights are exact. Older samples are represented by the modes (decaying
-    // sums). At their age of j samples, the integrals at the top of this file hold for every order (j > a),
-    // and very fast modes are not needed.
+    // sums). At the age j of these samples, the integrals at the top of this file hold for every order (j >
+    // a). Very fast modes are not needed, because they would only contribute to the newest samples' weights.
     static constexpr std::size_t kHead = 15;
     // Number of newest samples for which an unlimited memory is accurate: 2^30 (124 days at 100 Hz).
     static constexpr double kHorizon = 1073741824.0;
@@ -77,10 +76,10 @@ struct Nodes {
     std::size_t window;
     double step;
     Bank state, variance;
-    // The function F (see the top of this file) is computed as a series. These are limits for the number of
-    // terms that the modes of the variances need. The modes are in groups of kGroup, counted from the fastest
-    // one. Groups before the index `four_terms` need four terms, later groups before `two_terms` need two,
-    // and all others need one. At least one group needs only one term.
+    // The function F (see the top of this file) is computed as a series, which needs more terms for fast
+    // modes than for slow ones. The modes of the variances are in groups of kGroup, from the fastest to the
+    // slowest. Groups before the index `four_terms` need four terms, later groups before `two_terms` need
+    // two, and all others need one. At least one group needs only one term.
     std::size_t four_terms, two_terms;
 
     explicit Nodes(const CompressedConfig& config)
@@ -90,16 +89,16 @@ struct Nodes {
         const double error = ::pow(10.0, -double(config.digits));
         while (trapezoidal_error(step) > error) step -= 0.005;
         // The fastest nodes are chosen so that faster ones would add a negligible part to the integrals of
-        // c_n and c_n^2 (see the top of this file), for n = kHead + 1 and b = 2. These integrals are about
-        // B(2, n-1) and B(4, 2n-3), with the Beta function B.
+        // c_n and c_n^2 (see the top of this file). n = kHead + 1 is the least age of a sample in the modes.
+        // At b = 2, these integrals are about the Beta functions B(2, n-1) and B(4, 2n-3).
         const double n = kHead + 1.0;
         state.top = top(error, 2, n + 1, n * (n - 1));
         const double m = 2 * n;
         variance.top = top(error, 4, m + 1, m * (m - 1) * (m - 2) * (m - 3) / 6);
-        // Modes that would be slower than the slowest node p are approximated by a parabola
-        // (CompressedMemory::slow_end). The error of this approximation is of third order. It is about (j
-        // p)^3/6 of what these modes contribute to the weight c_j, and they contribute at most (j p)^b of
-        // that weight, with b = order + 1.
+        // Modes slower than the slowest node p are not stored. At the age of j samples, they contribute at
+        // most the part (j p)^b of the weight c_j, with b = order + 1. A parabola approximates their
+        // contribution (CompressedMemory::slow_end), with an error of about (j p)^3/6 of it. The slowest node
+        // is so small that this suffices up to the greatest age j (`window` or kHorizon).
         const double slowest = ::log(0.8 * ::cbrt(error) / (window > 0 ? double(window) : kHorizon));
         state.count = count(state.top, slowest);
         variance.count = count(variance.top, slowest - 0.7);
@@ -118,17 +117,18 @@ struct Nodes {
     }
 
   private:
-    // Returns the relative error of the trapezoidal rule with step D for the integrand p^b e^{-jp} of the
-    // weight c_j, at b = 2. The largest term of the error is the alias at frequency 2 pi/D, which is 2
-    // |Gamma(b + 2 pi i/D)| / Gamma(b).
+    // Returns the relative error of the trapezoidal rule with step D for the weight c_j, an integral over log
+    // p (see the top of this file) at b = 2. The integrand is nearly p^b e^{-jp}. The error is mainly the
+    // magnitude of its Fourier transform at the frequency 2 pi/D. This is 2 |Gamma(b + 2 pi i/D)| / Gamma(b),
+    // relative to the integral.
     static double trapezoidal_error(double D) {
         const double pi = 3.14159265358979324, y = 2 * pi / D;
         return 2 * ::sqrt((1 + y * y) * 2 * pi * y) * ::exp(-pi * y / 2);
     }
 
-    // Returns the number of steps of the logarithmic grid from the node 1 to the fastest node. Relative to
-    // its integral, the integrand for a weight is at most scale * x^power (1+x)^-decay at the node x. The
-    // fastest node is chosen so that this bound is negligible at the next faster node.
+    // Returns the number of grid steps from the node 1 up to the fastest node. At the node x, the integrand
+    // for a weight is at most scale * x^power (1+x)^-decay, relative to its integral. The first node at which
+    // this bound is below error / 4 is left out, with all faster ones.
     std::size_t top(double error, double power, double decay, double scale) const {
         std::size_t steps = 0;
         while (scale * ::pow(::exp(double(steps + 1) * step), power) *

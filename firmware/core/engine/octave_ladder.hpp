@@ -42,7 +42,7 @@ class OctaveLadder {
     const Whole& whole() const { return whole_; }
     static std::uint64_t step(int level) { return std::uint64_t(1) << level; }
     const typename Top::Cells& top_cells() const { return top_.cells(); }
-    // Returns the spectrum over time (time_cells.hpp) of a level other than level 0.
+    // Returns what is recorded of the spectrum over time (time_cells.hpp) for a level other than level 0.
     const typename Deep::Cells& cells(int level) const { return deep_[level - 1].cells(); }
     static int lines(int level) { return level == 0 ? int(kTopLines) : int(kLines); }
 
@@ -61,8 +61,8 @@ class OctaveLadder {
     // that has come.
     struct Deepening {
         typename Whole::Table old;
-        // position in the table `old` of that level's stretches: index of the current stretch, index of the
-        // next sample within that stretch, and index of the stretch's first sample among all samples
+        // `stretch`: index in `old` of the stretch that is being turned into Welch sums. `at`: index of its
+        // next sample. `begin`: index of its first sample among all stored samples.
         int stretch, at, begin;
         bool going;
         Deepening() : going(false) {}
@@ -78,8 +78,8 @@ class OctaveLadder {
     };
 
     // Adds n <= kMostAtOnce samples that follow the previous ones; the first of them has the sample number
-    // `first`. `made_up`: one flag per sample, set if the sample was not measured. One level keeps its
-    // samples; the flags are stored only while that is level 0.
+    // `first`. `made_up`: one flag per sample, set if the sample was not measured. These flags are only
+    // stored while level 0 is the level that keeps its samples.
     void accept(const Input* y, int n, std::uint64_t first, const unsigned char* made_up) {
         Passage passage;
         enter(y, n, first, made_up, passage);
@@ -204,8 +204,9 @@ class OctaveLadder {
         whole_.clear();
         ++depth_;
     }
-    // Takes the next batch of samples that the level above has kept: adds them to that level's Welch sums,
-    // and keeps its output, the samples of the new level.
+    // Takes one step of turning the stored samples of a level into Welch sums. The next batch of these
+    // samples is added to that level's Welch sums. The outputs of its filter, which are samples of the next
+    // level (depth_), are stored.
     void go_deeper(Deepening& d) {
         const int level = depth_ - 1;
         const Stretch& one = d.old.stretch[d.stretch];

@@ -36,8 +36,8 @@ struct OrderEnds {
     };
     End ends[2];
     bool known;
-    // `turn`: which of the four steps in OrderInterval::begin() the next fit does (correct one end of the
-    // interval, or test an order outside of it); `look`: index of the order that was last tested outside
+    // `turn`: counts fits; OrderInterval::begin() takes from it which of four steps the next fit does.
+    // `look`: index of the distance from the best order at which an order was last tested (begin_look())
     unsigned char turn, look;
 };
 
@@ -57,8 +57,9 @@ class OrderInterval {
         ++noted_;
     }
 
-    // Begins with the best point of the fit. `half`: half the width of the interval that follows from the
-    // curvature, or 0 if the curvature gives none.
+    // Begins to compute the interval. `best`: the best point of the fit. `half`: half the width of the
+    // interval that follows from the curvature of the likelihood, or 0 if the curvature gives none. `ends`:
+    // ends of the previous fit's interval.
     void begin(const Point<float>& best, float half, OrderEnds& ends) {
         order_ = best.theta[0];
         best_nll_ = best.nll;
@@ -82,8 +83,9 @@ class OrderInterval {
                     set(end, notes_[i].theta[0], notes_[i].theta);
             }
         }
-        // Four consecutive fits do these steps in turn: correct the lower end, test an order elsewhere,
-        // correct the upper end, and test an order elsewhere.
+        // If there is a previous interval, four consecutive fits take turns: they correct the lower end, test
+        // another order (begin_look()), correct the upper end, and test another order. Otherwise this fit
+        // finds both ends.
         const int turn = ends.known ? ends.turn++ % 4 : -1;
         side_ = turn < 0 ? 0 : turn % 2 == 1 ? 2 : turn / 2;
         last_ = turn < 0 ? 1 : side_;

@@ -21,7 +21,7 @@
 #include "instruction_set.hpp"
 #include "soft_sqrt.hpp"
 
-// Arduino.h defines macros that have the same names as functions below.
+// Arduino.h defines these macros, which would replace the functions of the same names below.
 #undef abs
 #undef max
 #undef min

@@ -51,8 +51,8 @@ inline R from_bits(typename Layout<R>::Bits bits) {
     return number;
 }
 
-// Return y * 2^n and y * 2^-n. `rounded` is the sum of a number and kRound, and has the integer n in its low
-// bits. Both results have to be normal numbers.
+// Return y * 2^n and y * 2^-n. `rounded` is n + kRound, which has the integer n in its low bits (see kRound
+// above). Both results have to be normal numbers.
 template <class R>
 inline R scale_up(R y, R rounded) {
     return from_bits<R>(to_bits(y) + (to_bits(rounded) << Layout<R>::kShift));
@@ -134,9 +134,9 @@ inline T sin_pi(T a) {
     typedef Real<T> R;
     typedef Layout<R> L;
     const T rounded = a + T(L::kRound);
-    // r: the difference between a and the nearest integer. If a is so large that no half-integers exist among
-    // the floating-point numbers, r is only a rounding error. It is limited to 1/2, for which the series
-    // holds.
+    // r: difference between a and the nearest integer. If |a| is so large that only integers are
+    // floating-point numbers there, r should be 0 but is a rounding error. It is limited to 1/2, because the
+    // series holds up to 1/2.
     const T r = max(min(a - (rounded - T(L::kRound)), T(R(0.5))), T(R(-0.5)));
     const T s = r * r;
     // Taylor series in (pi r)^2. Because of |r| <= 1/2, the first omitted term is 1e-18.

@@ -1,12 +1,12 @@
 // Decides whether the sensor moves, from the chunks of innovations of all its axes (axis_motion.hpp). If one
 // axis moves, all axes count as moving. During motion, the trackers of all axes only predict and learn
-// nothing. When motion is detected in a chunk, everything that the trackers learned from that chunk and the
-// previous one is undone.
+// nothing. When motion is detected in a chunk, the trackers forget what they learned from that chunk and from
+// the previous one.
 //
-// Rest begins after two chunks in which no axis moves, and the bias is then that from before the motion. Rest
-// also begins if the samples stay near a new mean for some seconds, and a bias can step that far. The new
-// mean is then the bias. A mean farther away is taken for a rotation of the sensor, and is accepted as the
-// bias only after a much longer time.
+// The motion ends after two chunks in which no axis moves. The bias is then that from before the motion. The
+// motion also ends if the samples stay near a new mean for some seconds, because the bias itself may have
+// stepped there. The new mean is then the bias. If it is farther away than a bias can step, the sensor
+// probably rotates, and the new mean becomes the bias only after a much longer time.
 #ifndef FLTEA_SENSOR_MOTION_HPP
 #define FLTEA_SENSOR_MOTION_HPP
 
@@ -22,8 +22,8 @@ class SensorMotion {
   public:
     struct Limits {
         float far;  // largest change of the mean that may be a step of the bias [counts]
-        // number of chunks after which a new mean is accepted as the bias: `still` if the mean changed by
-        // less than `far`, otherwise `still_far`
+        // number of chunks after which a new mean is accepted as the bias: `still` if the change of the mean
+        // is smaller than `far`, otherwise `still_far`
         std::uint16_t still, still_far;
     };
 
@@ -82,8 +82,8 @@ class SensorMotion {
     }
 
     void stop_learning(TrackedState* const axes[], int n) {
-        // There may have been a motion before, and a rest between the two motions. If the rest was shorter
-        // than the earlier motion, it counts as motion, too.
+        // If there was an earlier motion, and the rest after it was shorter than that motion, then both
+        // motions and the rest count as one long motion.
         if (unlearned_.ago >= unlearned_.samples + since_older_) unlearned_ = Unlearned();
         unlearned_.samples += unlearned_.ago > since_older_ ? unlearned_.ago : since_older_;
         unlearned_.ago = 0;
@@ -98,7 +98,8 @@ class SensorMotion {
     }
 
     Unlearned unlearned_ = {0, 0};
-    // number of samples since the last call but one of keep(), and since the last call of keep()
+    // `since_newer_`: number of samples since the last call of keep(). `since_older_`: the same for the call
+    // before that.
     std::uint32_t since_older_ = 0, since_newer_ = 0;
     int fill_ = 0, quiet_ = 0;
     bool moving_ = false;

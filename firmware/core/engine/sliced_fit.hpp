@@ -110,9 +110,9 @@ class SlicedFit {
         as_before_ = -Room<float>::impossible();
         for (Point<float>& one : kept_) one.nll = Room<float>::impossible();
         best_.nll = Room<float>::impossible();
-        // The full model allows every order, another model only orders up to 1. If the best order was below 1
-        // in the last fit, and this fit's result for orders up to 1 is below 1 again, that result is reused
-        // for the full model.
+        // The model kFull allows every order, kUpToOne only orders up to 1. If the best order is below 1,
+        // both have the same answer. So if kFull ended below 1 in the last fit, and kUpToOne ended below 1 in
+        // this fit, the answer of kUpToOne replaces the first search for kFull.
         from_before_ = which_ == kFull && !cold_ && memory_->answers_[kFull].theta[0] < 1.0f &&
                        up_to_one_.theta[0] < kBelowOne;
         if (which_ == kWhiteNoise) {
@@ -147,8 +147,8 @@ class SlicedFit {
         canonical(model_, point.theta);
     }
 
-    // The grid of the full model contains only orders above 1. For orders up to 1, the full model has one
-    // more starting point, the result of the model with orders up to 1.
+    // The grid of kFull has only orders above 1, and the grid of kUpToOne has the others. For orders up to 1,
+    // a search for kFull can start at the answer of kUpToOne (next_start()).
     void grid_point(int place, Point<float>& point) const {
         if (which_ == kRelaxation) {
             FitGrid::relaxation(place, point.theta);
@@ -171,9 +171,9 @@ class SlicedFit {
         again_ = false;
     }
 
-    // Chooses the next starting point of a search. The best grid points and the last answer come first. The
-    // result of the next simpler model comes last, if it is better than the searches so far: the simpler
-    // model is a special case of this one.
+    // Chooses the next starting point of a search. The best grid points or the previous fit's answer come
+    // first. The answer of the next simpler model, a special case of this one, comes last. If there is a
+    // previous answer, the simpler model's answer is used only if it is better than the searches so far.
     bool next_start(Point<float>& point) {
         const int own = cold_ ? int(kKept) : 2;
         while (starts_ < own) {
@@ -276,8 +276,9 @@ class SlicedFit {
         begin_search();
     }
 
-    // Whether the best scale of the spectrum is so far from the reference scale that -log L, which is a
-    // difference of two sums, loses precision. Approximate evaluations do not need that precision.
+    // Whether the best scale of the spectrum differs by more than a tenth from reference(), for which the
+    // sums were computed. -log L then has too few digits, as it is a difference of two large sums.
+    // Approximate evaluations do not need these digits.
     bool far() const {
         const float apart = next_.scale / target_.reference() - 1.0f;
         return rough_ >= rough_size() && (apart > 0.1f || apart < -0.1f);
@@ -302,9 +303,9 @@ class SlicedFit {
 
     void end_model() {
         keep_answer(which_);
-        // While the interval of the order was computed, an order may have turned out to fit better. A second
-        // search of the full model, which allows every order, has then started there. If it ends below order
-        // 1, its result is also an answer for the model with orders up to 1.
+        // kFull may have found a better point below order 1 than kUpToOne did. That point is then the answer
+        // of kUpToOne, too. This happens after a second search for kFull, which bound() starts where the
+        // computation of the interval has come upon a better order.
         if (which_ == kFull && best_.theta[0] < kBelowOne && best_.nll < up_to_one_.nll)
             keep_answer(kUpToOne);
         Answer& answer = memory_->answers_[which_];
@@ -312,9 +313,9 @@ class SlicedFit {
             answer.look = static_cast<unsigned char>((answer.look + kLooks) % grid_size());
         }
         target_.refer_to(answer.known ? answer.scale : 1.0f);
-        // Evaluates the best point again, which makes the derivatives more precise. They are stored as
-        // differences from their means over all bins, which come from the previous evaluation. The point of
-        // that evaluation may have been far from the best point.
+        // Evaluates the best point again, to make its derivatives more precise. They are stored as
+        // differences from their means in the evaluation before. If that evaluation was at a point far from
+        // the best one, the differences are large and lose digits.
         if (which_ == kFull && answer.known && (cold_ || looks_around()) && settled_ < 2) {
             ++settled_;
             next_ = best_;
@@ -373,7 +374,7 @@ class SlicedFit {
     float curvature_std_;  // standard deviation of α that follows from the curvature of the likelihood
     NullLevel level_;
     Which which_;
-    float as_before_;  // approximate -log L of the last fit's answer, computed for the new bins
+    float as_before_;  // -log L of the last fit's answer, computed approximately from the bins of this fit
     int rough_, starts_, settled_, evaluations_;
     bool busy_, cold_, from_before_, searching_, possible_, again_, searched_, bounding_, searches_again_;
 };

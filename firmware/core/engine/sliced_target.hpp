@@ -37,9 +37,9 @@ struct BinColumns {
     float square(std::size_t i) const { return math::exp(2.0f * ln_size(i)); }
 };
 
-// Computes the sums over the bins. The powers of the bins are divided by unit(), their mean power. -log L is
-// computed for the model's spectrum times reference(), as its excess over the -log L of a spectrum that
-// equals the data.
+// Computes the sums over the bins for a spectrum, which is the model's spectrum times the factor reference().
+// The powers of the bins are divided by their mean, unit(). -log L is stored as its excess (see the top of
+// this file).
 template <class Bins>
 class SlicedTarget {
   public:
@@ -76,12 +76,15 @@ class SlicedTarget {
                 return add(Fractional<float>(natural), bins, natural, most);
         }
     }
-    // Writes the sums of a finished evaluation. All derivatives of the model's log spectrum are stored as
-    // differences from their means over the bins in the previous evaluation, which keeps more digits in
-    // float. The results stay the same: as the scale of the spectrum is free, a constant may be added to a
-    // derivative. The derivatives by the logarithms of the two variances (of the state, and of the white
-    // noise) add up to 1. Both have sums nevertheless: where one is small, 1 minus the other would have no
-    // precision in float.
+    // Writes the sums of a finished evaluation. They contain derivatives of the model's log spectrum by each
+    // of its numbers, such as the logarithm of a variance. From each derivative, its mean over the bins in
+    // the previous evaluation is subtracted, because float keeps more digits of small values. This does not
+    // change the fit: a constant that is added to a derivative only changes the scale of the spectrum, which
+    // is free.
+    //
+    // The derivatives by the logarithms of the two variances (of the state, and of the white noise) add up to
+    // 1. Each has its own sums nevertheless. If one was computed as 1 minus the other, float would lose its
+    // digits where it is small.
     void read(Family family, Sums<float>& sums) {
         const int numbers = shapes(family) + parts(family) + 1;
         sums.log_spectrum = sums_.excess;
@@ -163,14 +166,13 @@ class SlicedTarget {
         return at_ == bins.size();
     }
 
-    // Returns what one ordinate adds to the excess of -log L over that of a spectrum that equals the data.
-    // `ratio`: the ordinate's power divided by the model's. For a bin without power, it is replaced by a
-    // small number, because its logarithm is needed.
+    // Returns what one ordinate adds to the excess (see the top of this file). `ratio`: the ordinate's power
+    // divided by the model's. A ratio below 1e-7 is replaced by 1e-7, because 0 has no logarithm.
     static float excess_of(float ratio) { return excess((ratio > 1e-7f ? ratio : 1e-7f) - 1.0f); }
 
     float over_unit_, reference_;
     int at_, together_;
-    // means of the log spectrum's derivatives over the bins, in the previous evaluation
+    // for each derivative of the log spectrum: its mean over the bins in the previous evaluation
     float mean_[kMostNumbers];
     PartSums sums_;
 };

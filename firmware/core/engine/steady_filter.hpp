@@ -22,19 +22,20 @@ inline namespace FLTEA_INSTRUCTION_SET {
 // A Kalman filter in its steady state. For each sample y it computes x_i <- a_i x_i (prediction), e = y - Σ
 // x_i (innovation), and x_i <- x_i + K_i e (update of part i with gain K_i).
 struct SteadyFilter {
-    // Part 0 is the fitted relaxation. The other parts approximate a fractional order.
+    // Part 0 is the fitted relaxation, if the verdict of the fit is a relaxation. The other parts are used if
+    // the verdict is a fractional order: their sum approximates the noise of that order.
     enum { kPlaces = 8 };
 
     float fall[kPlaces];      // 1 - a: the proportion by which the part falls per sample
     float variance[kPlaces];  // variance of the part; 0: the part does not exist
     float gain[kPlaces];      // gain K with which an innovation changes the part
     float R, S;               // R: variance of the white noise; S: variance of the innovations
-    float of_state;           // variance of the state, given all samples and the offset
-    float answer;             // value that the innovations approach if the input is constantly 1
-    float weight[kPlaces];    // factor from a part's present value to its expected mean over the next samples
-    // variance of the state's mean over the next samples, given all past samples and the offset
+    float of_state;           // variance of the estimated state, if the offset is known exactly
+    float answer;             // if all samples are 1, the innovations converge to this value
+    float weight[kPlaces];    // a part's expected mean over the next samples is its present value times this
+    // variance of the estimated mean of the state over the next samples, if the offset is known exactly
     float of_bias;
-    // error of the bias, if the offset has a constant error so large that the innovations approach 1
+    // A wrong offset shifts the bias and the innovations. This is the first shift divided by the second.
     float offset_in_bias;
 };
 
@@ -97,8 +98,9 @@ class FilterDesign {
     // frequencies at which the spectrum of a fractional order is approximated: the lowest one [rad per
     // sample], and the ratio of each frequency to the one below
     static constexpr float kLowest = 3e-4f, kRatio = 2.2977f;
-    // At frequencies where the spectrum of the state is less than this factor times that of the white noise,
-    // the fractional order is approximated less exactly.
+    // Errors of the approximated spectrum are divided by (spectrum of the state + kMatters R), with the
+    // variance R of the white noise. So they are relative errors where the state is strong, and count less
+    // where its spectrum is below kMatters R.
     static constexpr float kMatters = 0.3f;
 
     static float fall_of(int place) {
@@ -107,7 +109,7 @@ class FilterDesign {
         return falls[place];
     }
 
-    // The functions of one frequency that the spectra in whittle_shapes.hpp need.
+    // A frequency, with the functions of it that whittle_shapes.hpp needs to compute a spectrum.
     struct Frequency {
         explicit Frequency(float lam) : lam_(lam), size_(2.0f * math::sin_pi(lam * 0.1591549431f)) {}
         float ln_size(std::size_t) const { return math::log(size_); }
@@ -147,7 +149,8 @@ class FilterDesign {
         }
     }
 
-    // Does one sweep over all variances of the least-squares problem, in which no variance becomes negative.
+    // Improves each variance in turn, while the others stay as they are. A variance that would become
+    // negative is set to 0.
     void sweep() {
         for (int i = 1; i < kPlaces; ++i) {
             float rest = right_[i];
@@ -159,21 +162,23 @@ class FilterDesign {
     }
 
     bool there(int i) const { return filter_.variance[i] > 0; }
-    // Whether a part has no memory from sample to sample, so that it is white noise although it belongs to
-    // the state.
+    // Whether the pole of a part is 0. Such a part has no memory from sample to sample: it is white noise,
+    // but a part of the state and not of the measurement.
     bool white(int i) const { return filter_.fall[i] == 1.0f; }
     bool coloured(int i) const { return there(i) && !white(i); }
     bool turns(int i) const { return filter_.fall[i] > 1.0f; }
     // For the pole a of part i, size(i) is |a|, and short_of_one(i) is 1 - |a|.
     float size(int i) const { return turns(i) ? filter_.fall[i] - 1.0f : 1.0f - filter_.fall[i]; }
     float short_of_one(int i) const { return turns(i) ? 2.0f - filter_.fall[i] : filter_.fall[i]; }
-    // Returns the position of a part's pole z = a on the axis of s = z + 1/z - 2, where real frequencies are
-    // at -4 <= s <= 0: the distance beyond 0 for a > 0, or beyond -4 for a < 0.
+    // On the axis of s = z + 1/z - 2, all real frequencies (z = e^iλ) are between -4 and 0. The pole z = a of
+    // a part lies outside: above 0 if a > 0, and below -4 if a < 0. Returns the pole's distance from 0 or
+    // from -4.
     float pole(int i) const { return short_of_one(i) * short_of_one(i) / size(i); }
 
-    // Finds the zero of the sum of all parts' spectra and the white noise that is next to the pole of part i.
-    // Writes its distance beyond that pole, on the axis of pole(), to apart_[i]. Returns true when the zero
-    // is found.
+    // Finds the zero of the spectrum that belongs to the pole of part i. The spectrum is the sum of all parts
+    // and the white noise, and pole() explains the axis on which the zero lies: farther out than the pole.
+    // Writes the distance from the pole to the zero to apart_[i]. Returns false if the search has to go on in
+    // the next call.
     bool find_zero(int i) {
         if (!coloured(i)) return true;
         if (low_ == high_) begin_zero(i);
@@ -210,8 +215,8 @@ class FilterDesign {
         if (high_ < low_) high_ = low_ + 1;
     }
 
-    // Returns the spectrum at the distance d beyond the pole of part i, on the real axis that pole()
-    // explains.
+    // Returns the spectrum at a point of the axis that pole() explains: at the distance d beyond the pole of
+    // part i.
     float beyond(int i, float d) const {
         float sum = measured_;
         for (int j = 0; j < kPlaces; ++j) {
@@ -264,8 +269,9 @@ class FilterDesign {
     }
 
     void conclude() {
-        // The ratio of S, the variance of the innovations, to the variance of the white noise is Π a/b, over
-        // all poles a and zeros b. Only the ratio's difference from 1 is computed, which keeps the precision.
+        // S, the variance of the innovations, is `measured` times Π a/b, over all poles a and zeros b.
+        // `measured` becomes the variance of all white noise. `more` is Π a/b - 1, computed without a
+        // subtraction, so that small values keep their precision.
         float more = 0, slow = 0, now = 0;
         float measured = filter_.R;
         for (int i = 0; i < kPlaces; ++i) {
@@ -300,8 +306,8 @@ class FilterDesign {
             float known = 0;
             for (int j = 0; j < kPlaces; ++j) {
                 if (!there(j)) continue;
-                // This form of 1 - a_i a_j keeps the precision for slow parts, for which the difference is
-                // small.
+                // This is 1 - a_i a_j, computed from 1 - a_i and 1 - a_j. If both poles are near 1, the
+                // difference itself would lose its digits.
                 const float fall = filter_.fall[i] + a * filter_.fall[j];
                 known += filter_.weight[j] * filter_.gain[j] / fall;
             }
@@ -326,7 +332,9 @@ class FilterDesign {
     int step_ = 0, ahead_ = 0;
     Natural<float> shape_;
     float s2_, lam_, gram_[kPlaces][kPlaces], right_[kPlaces];
-    std::uint32_t low_ = 0, high_ = 0;  // bounds of a zero's distance from its pole, as the bits of a float
+    // bounds of the distance of a zero from its pole, between which find_zero() searches; stored as the bits
+    // of floats, which as integers have the same order as the floats
+    std::uint32_t low_ = 0, high_ = 0;
     float measured_, poles_[kPlaces], strength_[kPlaces];
     float apart_[kPlaces], zero_[kPlaces], zero_short_of_one_[kPlaces];
 };

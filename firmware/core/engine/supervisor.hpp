@@ -30,7 +30,7 @@ constexpr int kBoundMost = kBoundSamples / 4;
 // Why the estimates of a lane (axis) have just become invalid.
 enum class Loss : uint8_t { none = 0, runaway = 1, bound = 2 };
 
-// These are two overloads, because clang-tidy would report the subtraction a - a in a template as a mistake.
+// finite() is not a template, because clang-tidy would report a - a in a template as a mistake.
 inline bool finite(float a) { return a - a == 0; }
 inline bool finite(double a) { return a - a == 0; }
 
@@ -62,9 +62,9 @@ class Supervisor {
         return Verdict{false, !distrusted_, news};
     }
 
-    // Whether the guard (guard.hpp) has limited the state at none of the recent samples. In this case,
-    // judge() need not be called for a sample with a valid estimate, because judge() would change only an
-    // index.
+    // Whether the guard (guard.hpp) has not limited the state at any of the last kBoundSamples samples. Then
+    // judge() need not be called for a further sample with a valid estimate: it would only move on to the
+    // next place in its record.
     bool calm() const { return count_ == 0; }
 
     // Whether the state of a restored supervisor is one that judge() can produce.

@@ -12,8 +12,8 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// How many samples were only predicted because the sensor moved (`samples`), and how many samples came since
-// then (`ago`).
+// `samples`: length of the last motion, in which samples were only predicted and nothing was learned. `ago`:
+// number of samples since that motion. Both are 0 if there was none lately.
 struct Unlearned {
     std::uint32_t samples, ago;
 };
@@ -92,23 +92,23 @@ class TrackedState {
             // Without a filter, the offset becomes the mean of this chunk.
             offset_ += found.mean;
         } else if (there_ == 0) {
-            // If the noise is white and has no state, steps of the offset have to be detected. If there is a
-            // state, it follows such a step by itself.
+            // Nothing follows a step of the offset if the noise is white, so such a step has to be detected.
+            // If the noise has a state, the state follows the step.
             float size = 0;
             const std::uint16_t chunks = step_.add(found.mean, math::sqrt(found.variance), size);
             if (chunks != 0) {
                 begin_at(offset_ + size, chunks);
             } else if (now().n - offset_n_ > offset_n_ / 4) {
-                // The offset is updated whenever a quarter more samples have come. Soon after a step, that is
-                // often, since each chunk then makes the mean much more precise.
+                // The offset is computed anew whenever the number of samples has grown by a quarter. Soon
+                // after a step this happens often: the mean is over few samples then, and each chunk improves
+                // it much.
                 take_offset();
             }
         }
         return found;
     }
 
-    // Stores what is known at present. undo() restores what was stored by the call of keep() before the last
-    // one.
+    // Stores what is known at present. What the call before stored is kept as well: undo() restores that.
     void keep() {
         learned_[kOlder] = learned_[kNewer];
         learned_[kNewer] = learned_[kNow];
@@ -144,9 +144,9 @@ class TrackedState {
             grown += more;
             bias_grown += weight * weight * more;
         }
-        // The offset is a mean of n samples. The variance of its error is S / (n answer²), with the variance
-        // S of the innovations and their `answer` to a constant input of 1. Such an error also changes the
-        // estimated state.
+        // The offset is a mean of n samples. If it is wrong, it shifts all innovations by the same amount,
+        // whose variance is S / n (`offset`; S: variance of the innovations). A shift of 1 means an error of
+        // `in_bias` in the bias, and of `in_state` in the state.
         const float offset = filter_.S / static_cast<float>(offset_n_ == 0 ? 1 : offset_n_);
         const float in_bias = filter_.offset_in_bias,
                     in_state = 1.0f / filter_.answer - filter_.R / filter_.S;
@@ -171,8 +171,8 @@ class TrackedState {
         float x[kPlaces];
     };
 
-    // indexes in learned_: the present values, those at the last call of keep(), and those at the call before
-    // that
+    // indexes in learned_. kNow: what is known at present. kNewer: what the last call of keep() stored.
+    // kOlder: what the call before that stored
     enum { kNow, kNewer, kOlder, kKept };
 
     Learned& now() { return learned_[kNow]; }
@@ -189,9 +189,10 @@ class TrackedState {
 
     float most() const { return kClip * math::sqrt(filter_.S); }
 
-    // During motion, nothing is learned, and noise adds variance to part i of the state. Returns how much of
-    // that variance is left after `unlearned.ago` samples at rest. At rest, the filter multiplies such an
-    // error by a(1 - K) per sample, with the part's pole a and gain K.
+    // Returns the additional variance of part i of the state because of a motion. During the motion nothing
+    // is learned, and the error of the part grows with each of `unlearned.samples`. Afterwards the filter
+    // multiplies this error by a(1 - K) at each of `unlearned.ago` samples, with the part's pole a and gain
+    // K.
     float grown_variance(int i, const Unlearned& unlearned) const {
         const float a = 1.0f - filter_.fall[i], left = a * (1.0f - filter_.gain[i]);
         return filter_.variance[i] * (1.0f - power(a * a, unlearned.samples)) *
@@ -202,7 +203,8 @@ class TrackedState {
     void begin_at(float offset, std::uint16_t chunks) {
         offset_ = offset;
         offset_n_ = now().n = chunks * static_cast<std::uint32_t>(+AxisMotion::kChunk);
-        // The sum is computed from two parts, each of which fits into int32_t.
+        // The sum is offset times offset_n_. The integer part and the rest of `offset` are multiplied
+        // separately, so that each number fits into int32_t when it is converted from float.
         const std::int32_t whole = static_cast<std::int32_t>(offset);
         const float rest = offset - static_cast<float>(whole);
         now().sum = static_cast<std::int64_t>(whole) * offset_n_ +
@@ -226,8 +228,8 @@ class TrackedState {
         }
     }
 
-    // Some parts of the state no longer exist in a new filter. Distributes their values over the parts that
-    // do exist.
+    // A new filter may give some parts of the state no gain. Distributes the values of these parts over the
+    // others.
     void hand_over(Learned& learned) const {
         float left = 0, variance = 0;
         for (int i = 0; i < kPlaces; ++i) {

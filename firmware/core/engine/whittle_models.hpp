@@ -1,7 +1,7 @@
 // The free parameters of the fitted spectra (the same as in host/native/whittle_kernel.hpp). A part's
-// proportion of the power and a pole are represented by logits, a variance by its logarithm, so that only the
-// order has bounds that matter. One number of the fractional model may be held fixed while the other numbers
-// are fitted.
+// proportion of the power and a pole are represented by logits, and a variance by its logarithm. These may
+// have any value, so only the order has bounds that a fit comes upon. One number of the fractional model may
+// be held fixed while the other numbers are fitted.
 #ifndef FLTEA_WHITTLE_MODELS_HPP
 #define FLTEA_WHITTLE_MODELS_HPP
 
@@ -22,11 +22,11 @@ struct Model {
     R highest_order;  // highest order α of the fractional model
     Hold hold;
     R held;       // value at which the number named by `hold` is fixed
-    R log_h;      // log of the sampling period; only needed for kHoldParameter
+    R log_h;      // log of the sampling period; only needed if `hold` fixes the parameter f
     R log_power;  // log of the approximate power of the data; only needed if `hold` fixes a variance
 };
 
-const double kSmallest = 1e-7;  // smallest distance of a proportion of the power from 0 and from 1
+const double kSmallest = 1e-7;  // smallest magnitude of the feedback g, divided by its largest, 2^α
 const double kTop = 16.0;       // largest magnitude of the logit of a proportion or pole
 const double kBelowHighest = 1e-6;
 // Limits of log c, where √c is the corner frequency of a low-pass [rad per sample]. They allow corners from a
@@ -72,10 +72,12 @@ bool scaled(const Model<R>& model) {
 }
 
 // Returns the lowest order α at which the fractional model can have the weight F = g + α, with which the
-// previous sample enters the next one. The feedback g has to be between -2^α and 0. So α has to be above F,
-// and α - 2^α below F. If F is above -0.914, every order fulfils the second condition. Otherwise the orders
-// above a certain one do; it is returned. If F is also above -1, some orders near 0 do, too. They are left
-// out, because they describe white noise or AR(1), and orders near 1 with the same F describe that, too.
+// previous sample enters the next one. The feedback g has to be between -2^α and 0. This means α > F and α -
+// 2^α < F.
+//
+// The second condition holds for every order if F > -0.914, the maximum of α - 2^α. Otherwise it holds above
+// a certain order, which is returned. If also F > -1, it holds for some orders near 0, too. These are left
+// out: their models are white noise or AR(1), which orders near 1 with the same F describe as well.
 template <class R>
 R lowest_order(R F) {
     if (F > R(-0.9139)) return math::fmax(F, R(0));
@@ -87,15 +89,16 @@ R lowest_order(R F) {
     return high + R(kBelowHighest);
 }
 
-// Whether the first free parameter is α. It is not if α is held fixed. If F = g + α is held fixed, the first
-// parameter is log -g, because the feedback g may be much smaller than F.
+// Whether the first free parameter is α. It is not if α is held fixed. If F = g + α is held fixed, it is log
+// -g: g may be much smaller than F, and α = F - g would then contain too few digits of g.
 template <class R>
 bool order_first(const Model<R>& model) {
     return model.family == kFractional && model.hold != kHoldOrder && model.hold != kHoldWeight;
 }
 
-// Returns the middle of the range of free parameter i. Such a parameter is like the logit of a proportion p:
-// far from the middle, in its two tails, it is nearly log p or -log(1 - p), where p or 1 - p is small.
+// Returns the middle of the range of free parameter i. Parameters are like the logit of a proportion p. Far
+// below the middle, the logit is nearly log p of a small p. Far above, it is nearly -log(1 - p) of a small 1
+// - p.
 template <class R>
 R centre(const Model<R>& model, int i) {
     return i == 2 && !scaled(model) ? model.log_power : 0;
@@ -108,7 +111,8 @@ void bounds(const Model<R>& model, R* low, R* high) {
         low[i] = R(-kTop);
         high[i] = R(kTop);
     }
-    // In a sum of more than two AR(1), all of them are relaxations, whose coefficients φ are not negative.
+    // A sum of more than two AR(1) consists of relaxations, so no coefficient φ may be negative. A logit of 0
+    // stands for φ = 0.
     if (!low_pass(model.family) && poles(model.family) > 2)
         for (int i = 0; i < poles(model.family); ++i) low[i] = 0;
     if (low_pass(model.family)) {
@@ -118,8 +122,8 @@ void bounds(const Model<R>& model, R* low, R* high) {
     if (model.family != kFractional || model.hold == kHoldOrder) return;
     low[0] = 0;
     high[0] = model.highest_order - R(kBelowHighest);
-    // If the feedback g or the parameter f is fixed at `held`, the lower bound is the lowest order α at which
-    // the model with this value is stationary (-2^α < g < 0).
+    // If g or f is fixed at `held`, the model is stationary (-2^α < g < 0) only above a certain order α. That
+    // order is the lower bound.
     if (model.hold == kHoldFeedback && model.held <= -1) low[0] = math::log2(-model.held) + R(kBelowHighest);
     if (model.hold == kHoldParameter && model.held <= -1 && model.log_h < 0)
         low[0] = math::log(-model.held) / (R(0.6931471805599453) - model.log_h) + R(kBelowHighest);
@@ -135,9 +139,10 @@ void bounds(const Model<R>& model, R* low, R* high) {
     low[0] = math::fmin(low[0], high[0]);
 }
 
-// The numbers of a spectrum: its shapes and variances (with scale 1 if the scale is free). `chain`: their
-// derivatives by the free parameters. Its rows are the shapes, the logarithms of the variances, and the
-// logarithm of the white noise's variance; its columns are the free parameters.
+// The numbers of a spectrum: its shapes (such as α and g) and its variances. If the scale is free, they are
+// the variances at scale 1. `chain`: derivatives by the free parameters. A row has the derivatives of a
+// shape, of the logarithm of a part's variance, or (last row) of the logarithm of the white noise's variance.
+// A column belongs to a free parameter.
 template <class R>
 struct Mapped {
     Natural<R> natural;
@@ -151,8 +156,8 @@ void map_pole(R coordinate, R& pole, R& slope) {
     slope = 2 * share.slope;
 }
 
-// Computes the variances of one part and of the white noise, whose sum is 1. The last parameter is the logit
-// of the part's variance.
+// Computes the two variances of a model with one part and white noise. They add up to 1. `coordinate`: logit
+// of the part's variance, which is the last free parameter.
 template <class R>
 void map_weight(R coordinate, int row, int column, Mapped<R>& out) {
     const Share<R> share(coordinate);
@@ -215,8 +220,8 @@ bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
     }
     const R most = math::exp2(alpha);
     if (!(alpha >= 0 && alpha <= 2 && g <= 0 && g >= -most * (1 - R(kSmallest) / 2))) return false;
-    // A feedback g that is too close to 0 to be distinguished from 0 in a record is limited to the smallest
-    // useful magnitude.
+    // A feedback g that is very close to 0 cannot be distinguished from 0 in a record. Its magnitude is kept
+    // at kSmallest 2^α or more.
     g = math::fmin(g, -most * R(kSmallest));
     if (scaled(model)) {
         map_weight(theta[next], 2, next, out);
@@ -239,7 +244,7 @@ bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
             return true;
         case kFractional:
             return map_fractional(model, theta, out);
-        case kAr2: {  // the free parameters stand for the two partial correlations
+        case kAr2: {  // theta[0] and theta[1] stand for the partial autocorrelations k1 and k2
             R k1, k2, slope1, slope2;
             map_pole(theta[0], k1, slope1);
             map_pole(theta[1], k2, slope2);
