@@ -1,10 +1,12 @@
 """Find the pattern that makes a comb of spectral lines, and remove it from the samples.
 
 A comb comes from a pattern that recurs in each period. The record is folded: all its periods are laid over
-each other. The pattern is the mean at each phase. If the pattern is a short glitch, the samples in it tell
-nothing about the noise. They are replaced by random ones, as lost samples are (`gaps`). So the method also
-works if the glitches of different periods are not alike. If the pattern fills much of the period, it is a
-wave, and its harmonics are subtracted.
+each other. A phase is a position within the period. The mean of all samples at each phase is the pattern.
+
+A pattern that fills only a small part of the period is a glitch. The samples in a glitch tell nothing about
+the noise. They are replaced by random ones, as lost samples are (`gaps`). So the glitches of different
+periods need not be alike. A pattern that fills more of the period is a wave. Its harmonics (oscillations at
+multiples of the comb's frequency) are subtracted.
 """
 
 import math
@@ -33,14 +35,15 @@ between two samples.
 LEAST_SIGN, NEARLY_ALL = 3.3, 0.85
 """Thresholds for the number of periods that show the average pattern.
 
-Of n periods, more than half must show the pattern. By chance their number would be n/2, with a standard
-deviation of √n/2. The number must exceed n/2 by more than LEAST_SIGN times √n/2. With few periods this may be
-more than n/2; so an excess of more than NEARLY_ALL times n/2 is always enough.
+Of n periods, about n/2 seem to show the pattern by chance, with a standard deviation of √n/2. So the number
+must exceed n/2 by more than LEAST_SIGN times √n/2. If n is small, that may be more than all periods. So an
+excess of more than NEARLY_ALL times n/2 is enough, too.
 """
 SEEN = 12.0
-"""A harmonic belongs to the wave if its power is more than this many times the noise's power.
+"""A harmonic (an oscillation at a multiple of the comb's frequency) is subtracted only if its power exceeds
+this many times the mean power of noise at that frequency.
 
-Noise alone exceeds this ratio once in 160,000 cases.
+Noise alone exceeds this limit once in 160,000 cases.
 """
 
 
@@ -52,13 +55,13 @@ class WithoutComb(NamedTuple):
     share: float
     """Fraction of the record's power that was in the comb."""
     samples: int
-    """Length of the glitch in samples; 0 for a wave."""
+    """Length of the glitch in samples; 0 if the pattern is a wave."""
     size: float
-    """Ratio of the pattern's largest deviation from its mean to the standard deviation of the noise."""
+    """Largest distance of the pattern from its median, in standard deviations of the noise."""
 
 
 class _Folded(NamedTuple):
-    """A stretch of samples, each with its phase in the period of the pattern."""
+    """A folded stretch of samples: each sample has a phase, which is its position within the period."""
 
     phase: NDArray[np.intp]
     """Phase of each sample, (n,), a whole number below the number of phases."""
@@ -125,7 +128,7 @@ def _scale(values: Array) -> float:
 
 
 def _glitch(found: _Folded) -> Mask | None:
-    """Return the phases of a short glitch as a mask (phases,); None if the pattern is a wave."""
+    """Return a mask of the phases that belong to the glitch, (phases,); None if the pattern is a wave."""
     error = max(_scale(found.profile), found.spread / math.sqrt(len(found.values) / len(found.profile)))
     core = np.abs(found.profile) > STANDS_OUT * error
     if not core.any() or _widened(core).mean() > MOST_OF_A_PERIOD:

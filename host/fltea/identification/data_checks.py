@@ -29,7 +29,9 @@ BLOCKS = 20
 SIGNIFICANT = 5.0
 """Threshold for Student's t with about BLOCKS degrees of freedom; chance exceeds it once in ten thousand."""
 OFFSET_SHARE, DRIFT_SHARE = 0.1, 0.1
-"""An offset or a drift does no harm if it is less than this many times the noise's standard deviation."""
+"""An offset below OFFSET_SHARE standard deviations of the samples is not reported. Neither is a drift over
+the record below DRIFT_SHARE standard deviations of the fast noise.
+"""
 OUTLIER = 6.0
 """A sample is an outlier if it is further from its neighbours than this many robust standard deviations.
 
@@ -38,8 +40,8 @@ In Gaussian noise one sample in 500 million is further away.
 TORN_COUNTS = 256.0
 """Size in counts of the jump that occurs if the bytes of two samples are mixed."""
 TORN_WITHIN = 0.5
-"""A jump of TORN_COUNTS is recognised only if four standard deviations of the noise are less than this
-fraction of it.
+"""A jump of TORN_COUNTS can be told from noise only if four standard deviations of the noise are less than
+TORN_WITHIN times the jump.
 """
 COARSE_LSB, TOO_COARSE_LSB = 2.0, 0.5
 """Counts are coarse if the standard deviation of the samples is below COARSE_LSB [LSB], and too coarse if it
@@ -55,7 +57,7 @@ FINER = {
     "m/s²": "±2 g has eight times the resolution of ±16 g",
 }
 LINE_SHARE = 0.01
-"""A spectral line with more than this fraction of the noise's power is reported as a warning."""
+"""A spectral line with more than this fraction of the samples' power is a warning; a weaker one is a note."""
 
 
 class DataCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -80,10 +82,10 @@ def of_axis(data_checks: Iterable[DataCheck], axis: str) -> tuple[DataCheck, ...
 
 
 def withheld(data_checks: Iterable[DataCheck]) -> str:
-    """Return why the data are too bad for these figures to be used, and what to do; "" if they are good.
+    """Return what is wrong with bad data and what to do about it; "" if the data are not bad.
 
-    Models, files for other programs, comparisons with a data sheet and forecasts would pass wrong figures on
-    to people who do not see this finding.
+    With bad data, no models, files for other programs, comparisons with a data sheet and forecasts are made.
+    Whoever uses those would not see that their figures are wrong.
     """
     bad = (
         f"{data_check.text} {data_check.remedy}" for data_check in data_checks if data_check.severity == "bad"
@@ -204,8 +206,9 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[DataCheck]:
     k = np.arange(BLOCKS) - (BLOCKS - 1) / 2
     slope = float(k @ means / (k @ k))
     left = means - means.mean() - slope * k
-    # The error of the slope is assumed to be at least that in white noise, since twenty means may lie on a
-    # straight line by chance. Then their scatter would give too small an error.
+    # Twenty block means may lie on a straight line by chance. The error of the slope, computed from their
+    # distances from the line, would then be too small. So it is at least the error that white noise alone
+    # gives.
     residual = max(math.sqrt(float(left @ left) / (BLOCKS - 2)), noise / math.sqrt(block))
     t = slope * math.sqrt(float(k @ k)) / residual
     change = slope * BLOCKS
@@ -242,11 +245,13 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
     r = y[:-2] + y[2:]
     r /= 2
     np.subtract(y[1:-1], r, out=r)
-    # r: each sample minus the mean of its neighbours. With coarse counts r is a multiple of half an LSB, so
-    # the median of |r| may be wrong by a quarter of an LSB. A quarter of an LSB is added.
+    # r: each sample minus the mean of its neighbours. If samples are rounded to counts, r is a multiple of
+    # half an LSB. The median of |r| may then be a quarter of an LSB too small, so a quarter of an LSB is
+    # added.
     scale = _scale(thin(r)) + 1.4826 / 4 * (lsb or step(y) or 0.0) or float(r.std())
     size = np.abs(r, out=r)
-    # Samples next to a gap are not checked, since slow noise and the offset change during the gap.
+    # Samples next to a gap are not checked. Since the bias may change during the gap, such a sample may
+    # differ from its neighbour across the gap without being an outlier.
     neighbours = np.concatenate([gaps.at - 2, gaps.at - 1])
     size[neighbours[(neighbours >= 0) & (neighbours < len(size))]] = 0.0
     is_top = size > OUTLIER * scale
@@ -259,8 +264,8 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
     torn = 0
     if lsb is not None and 4 * scale < TORN_WITHIN * TORN_COUNTS * lsb:
         off = np.abs(size[at - 1] - TORN_COUNTS * lsb)
-        # Noise with heavy tails has jumps of any size. If bytes of two samples are mixed, nearly all jumps
-        # have the size TORN_COUNTS.
+        # If samples mix bytes of two measurements, most outliers are jumps of TORN_COUNTS. Otherwise outliers
+        # have many sizes, and one of that size says nothing. So at least half of them must have this size.
         torn = int((off < 4 * scale).sum()) if 2 * int((off < 2 * scale).sum()) >= at.size else 0
     if torn:
         yield DataCheck(
@@ -285,9 +290,9 @@ def _median_or_outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: 
     found = find_median_filter(y)
     if found is None or found.replaces_outliers:
         yield from _outliers(y, h, lsb, unit, gaps)
-    # Outliers are not searched for if all samples went through a median filter. Such a filter lets no outlier
-    # pass. It also repeats many values, so the usual difference of neighbours is small and normal samples
-    # would seem to be outliers.
+    # Outliers are not searched for if all samples went through a median filter, which removes outliers. It
+    # also makes many neighbours equal, so that the median of |r| is too small. Normal samples would then seem
+    # to be outliers.
     if found is not None:
         yield DataCheck(
             "median filter",
@@ -319,7 +324,8 @@ def _stuck(y: Array) -> Iterator[DataCheck]:
         return
     lengths = edges[:, 1] - edges[:, 0]
     longest, first = int(lengths.max()), int(edges[lengths.argmax(), 0])
-    # How often chance repeats a value is computed without the longest run of equal values, which is tested.
+    # The proportion of samples that equal the sample before gives the length that a run of equal values may
+    # have by chance. The longest run is left out of this proportion, since it is the run to be tested.
     others = thin(y) if n > LONG else np.delete(y, slice(first, first + longest + 1))
     commonest = np.unique(others, return_counts=True)[1].max(initial=1) / (len(others) if n > LONG else n)
     share = min(max((lengths.sum() - longest) / n, commonest), 0.999)

@@ -1,9 +1,10 @@
 """Find a spectral line near a multiple of the sample rate. Aliasing moves such a line to near frequency 0.
 
-An example is mains of 50 Hz, whose frequency wanders a little, sampled at 50 Hz or 25 Hz. The spectrum looks
-like noise behind a low-pass far below half the sample rate, plus white noise of the sensor. But the amplitude
-of a line is constant. If its samples are averaged over much less than a period, the ratio of their fourth
-moment to the squared second moment is 1.5. For noise this ratio is 3.
+An example is mains of 50 Hz, whose frequency wanders a little, sampled at 50 Hz or 25 Hz. In the spectrum,
+the aliased line is a wide hump near frequency 0, above the white noise of the sensor. Noise behind a low-pass
+has the same spectrum. But the oscillation of a line has a constant amplitude, and noise has not. The ratio of
+the fourth moment of the samples to their squared second moment shows this: it is 1.5 for an oscillation, and
+3 for noise. To suppress the white noise, groups of samples much shorter than a period are averaged first.
 """
 
 import math
@@ -15,48 +16,48 @@ from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.spectral_lines import Peak
 
 LEAST_HEIGHT = 30.0
-"""The density near frequency 0 must be at least this many times the density at the highest frequencies.
+"""The density near frequency 0 must be at least this many times the density at the highest frequencies, which
+is that of the white noise.
 
-With a smaller ratio, the hump near 0 cannot be told from the white noise.
+With a lower hump near frequency 0, white noise would hide the ratio of the moments that shows a line.
 """
 EDGE = 1.1
-"""The hump near frequency 0 ends where the spectral density is this multiple of the white noise's density."""
 WIDEST = 0.3
-"""The hump that the aliased line makes near frequency 0 may cover at most this proportion of the frequency
-range.
+"""A line that aliasing moves to near frequency 0 makes a hump in the spectrum. This hump may extend to at
+most this fraction of half the sample rate.
 """
 ON_ITS_SHOULDER = 0.1
-"""The aliased line makes a hump in the spectrum near frequency 0. The hump's main part ends where the density
-has fallen to this proportion of the density near frequency 0.
+"""The hump in the spectrum near frequency 0 has a main part. It ends at the frequency where the density falls
+to this proportion of the density near frequency 0.
 
-The ratio of the fourth moment to the squared second moment tells a line from noise. It is computed from
-averages of a few samples each, which must be short enough to keep oscillations of the frequency at which the
-main part ends.
+Samples are averaged in groups before the test for a line. The groups must be so short that they still show
+oscillations of this frequency.
 """
 AVERAGED = 6
-"""Successive samples are averaged in groups. One period of the oscillation at which the hump's main part ends
-(`ON_ITS_SHOULDER`) holds this number of groups.
+"""Samples are averaged in groups before the test for a line. This is the number of groups in one period of
+the frequency at which the hump's main part ends (`ON_ITS_SHOULDER`).
 """
 PARTS = 16
 """Number of parts into which the record is divided, to find the standard error of the ratio of the fourth
 moment to the squared second moment.
 """
 FEWEST_PERIODS = 100
-"""The record must hold at least this many periods of the fastest oscillations in the hump's main part
+"""The record must hold at least this many periods of the frequency at which the hump's main part ends
 (`ON_ITS_SHOULDER`).
 
-The power of a random walk is in slower oscillations, of which the record has fewer periods.
+This excludes random walks: their main part ends at so low a frequency that the record has fewer periods of
+it.
 """
 BETWEEN, SURE = (1.2, 2.3), 5.0
-"""For a line, the ratio of the fourth moment to the squared second moment lies in the range BETWEEN. It is
-also below 3, the ratio for noise, by at least SURE standard errors.
+"""The ratio of the fourth moment to the squared second moment is 1.5 for a line, and 3 for noise. A ratio
+counts as that of a line if it lies in the range BETWEEN, and below 3 by at least SURE standard errors.
 
 The range excludes 1, which is the ratio for noise that jumps between two values.
 """
 
 
 def folded_line(y: Array, h: float, candidates: CandidateModels) -> Peak | None:
-    """Return the hump that a line near a multiple of the sample rate makes in the spectrum of y, or None.
+    """Return the aliased line as a peak at a low frequency, or None if there is no such line.
 
     `y`: samples, (n,). `h`: sampling period [s]. `candidates`: the candidate models of the spectrum of y.
     """
@@ -93,8 +94,8 @@ def _moments(y: Array, averaged: int) -> tuple[float, float]:
     """
     count = len(y) // averaged
     means = y[: count * averaged].reshape(count, averaged).mean(axis=1)
-    # Subtract the mean of each part of the record. This removes slower oscillations, which are drift and have
-    # too few independent values in the record.
+    # Subtract the mean of each part of the record. This removes drift: oscillations longer than a part, of
+    # which the record holds too few for an estimate of their moments.
     parts = [one - one.mean() for one in np.array_split(means, PARTS)]
     second = np.array([np.mean(one**2) for one in parts])
     fourth = np.array([np.mean(one**4) for one in parts])

@@ -1,11 +1,12 @@
 """Compute a factor for the noise figures of an axis if its heading drifts further than the figures predict.
 
-The model of the first half predicts how far the heading drifts in the second half (`forecast_judge`). If the
-heading drifts further than predicted, by more than chance, the figures of the whole recording are multiplied
-by a factor. A factor on white noise and random walks alike is the same factor on the heading's standard
-deviation. So the least factor is taken with which 95 % of the observed errors are inside the predicted 95 %
-band. The errors are those of the second half, which is divided into pieces (time spans) of each length;
-lengths with too few pieces are left out.
+The model of the recording's first half predicts how far the heading drifts in the second half
+(`forecast_judge`). The second half is divided into pieces (time spans) of one length, and this is done for
+several lengths. Each piece has one error of the heading. If the errors are larger than predicted, by more
+than chance, the noise figures of the whole recording are multiplied by a factor. It is the smallest factor
+with which 95 % of the errors are inside the predicted 95 % band. One factor is enough: if the figures of
+white noise and random walk are both multiplied by it, so is the heading's standard deviation. Lengths with
+too few pieces are left out.
 """
 
 import math
@@ -26,7 +27,7 @@ causes nearly all of the heading's error.
 
 
 class Foretold(Protocol):
-    """An axis whose forecast, by the model of its first half, was compared with its second half."""
+    """An axis with its forecast, which includes the check of the first half's model on the second half."""
 
     @property
     def unit(self) -> str:
@@ -42,8 +43,8 @@ def own_inflation(axes: Mapping[str, Foretold], up_to_s: float) -> Inflation:
 
     Args:
         axes: axes with their forecasts.
-        up_to_s: longest time span that is checked [s]. A time span is used only if the second half of the
-            record can be divided into at least `MANY` pieces of this length.
+        up_to_s: longest time [s] after which the drift of the heading is checked. A time is checked only if
+            the second half of the record can be divided into at least `MANY` pieces of this length.
 
     Raises:
         UsageError: the second half of an axis is too short to judge, or there is no forecast for it.
@@ -71,7 +72,11 @@ def _forecast(name: str, axis: Foretold) -> Forecast:
 
 
 def _counted(name: str, found: Forecast, up_to_s: float) -> tuple[list[Piece], list[Piece]]:
-    """Return two lists of lengths of pieces: those with enough pieces, and longer ones with too few."""
+    """Return two lists of checks of the heading, each check with pieces (time spans) of another length.
+
+    The first list has the checks with at least `MANY` pieces. The second has those with longer and fewer
+    pieces.
+    """
     asked = [one for one in found.judged if one.t_s <= max(up_to_s, LEAST_S)]
     counted = [one for one in asked if one.pieces >= MANY]
     if not counted or counted[-1].t_s < LEAST_S:
@@ -84,7 +89,7 @@ def _counted(name: str, found: Forecast, up_to_s: float) -> tuple[list[Piece], l
 
 
 def _takes_s(t_s: float) -> float:
-    """Return how long a recording has to be so that it has enough pieces of this time span [s]."""
+    """Return how long a recording must be [s] so that its second half has `MANY` pieces of `t_s` seconds."""
     return 2 * MANY * t_s
 
 
@@ -96,8 +101,8 @@ def _is_exceeded(one: Piece) -> bool:
 def _factor(one: Piece, found: Forecast) -> float:
     """Return the factor for the noise figures of the whole recording.
 
-    `one.needed` is the factor for the figures of the first half. The figures of the whole recording may
-    already be larger, and then their factor is smaller.
+    `one.needed` is the factor for the model of the first half. If the model of the whole recording already
+    predicts larger errors than that of the first half, its factor is smaller in proportion.
     """
     return one.needed * one.said / found.heading_std[found.t_s.index(one.t_s)]
 
@@ -124,7 +129,10 @@ def _why(unit: str, factor: float, held_s: float, *, is_exceeded: bool) -> str:
 
 
 def _of_longer(factor: float, held_s: float, up_to_s: float, others: Sequence[Piece], found: Forecast) -> str:
-    """Return a sentence on the longer times, up to `up_to_s`, for which the recording is too short."""
+    """Return a sentence that says how long a recording must be to check the heading up to `up_to_s`.
+
+    If all these times were checked, the sentence is empty.
+    """
     longest = max(one for one in TIMES_S if one <= max(up_to_s, LEAST_S))
     if held_s >= longest:
         return ""

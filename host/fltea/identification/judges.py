@@ -25,14 +25,16 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.spectrum.median_filter import find_median_filter
 
 TURNS, TURN = 32, 12
-"""A record is divided into TURNS parts. The length of each part is a multiple of TURN samples.
+"""TURNS: number of parts into which a record is divided. The length of each part is a multiple of TURN
+samples.
 
-A pattern recurs every 2, 3 or 4 samples, if the rows of so many sensors alternate. Its error is found from
-its scatter between the parts. A multiple of 12 samples holds each pattern a whole number of times.
+If the rows of 2, 3 or 4 sensors alternate, a pattern recurs every 2, 3 or 4 samples. The error of the
+pattern's size is computed from the scatter of the sizes in the parts. TURN is 12, since 12 samples hold each
+of these patterns a whole number of times.
 """
 ALTERNATES = {2: 50.0, 3: 25.0, 4: 25.0}
-"""Threshold for the squared ratio of the size of a pattern to its error, by the number of samples after which
-the pattern recurs (one for each alternating sensor).
+"""A pattern is reported only if (size / standard error of the size)² exceeds this threshold. The keys are the
+numbers of samples after which the pattern recurs, which are the numbers of alternating sensors.
 
 Chance exceeds the threshold once in ten million cases.
 """
@@ -43,10 +45,10 @@ For a pattern in the level of the samples, ALTERNATES_SHARE is a proportion of t
 pattern in the scatter, SCATTER_SHARE is a proportion of the noise's mean size.
 """
 GLITCH, GLITCHES = 4.5, 0.05
-"""A sample larger than GLITCH times the median size is a glitch, if at most the fraction GLITCHES are so
-large.
+"""A sample whose size exceeds GLITCH times the median size is an outlier. Outliers count as glitches if they
+are at most the fraction GLITCHES of all samples.
 
-GLITCH amounts to three standard deviations.
+In Gaussian noise, GLITCH times the median size is three standard deviations.
 """
 ALTERNATES_S = 20.0
 """Alternating sensors are searched for only in a record of at least this length [s].
@@ -58,10 +60,10 @@ GROUP_SHARE, GROUP_WIDTH = 0.005, 0.2
 and if the gap is at least the fraction GROUP_WIDTH of the range of the values.
 """
 SELDOM = 0.1
-"""The number of jumps between two groups of values must be at least this fraction of the number expected by
-chance.
+"""Values jump between two groups only if the number of jumps is at least this fraction of the number in a
+random order of the same values.
 
-If there are fewer jumps, the sensor was turned between the groups.
+With fewer jumps, each group is one position of a sensor that was turned.
 """
 FAR_COUNTS, FAR_STEPS = 32.0, 8.0
 """Values that jump between two distant groups are broken reads. The groups must be FAR_COUNTS counts apart.
@@ -70,20 +72,24 @@ If the size of a count is not known, FAR_STEPS times the smallest difference of 
 rounding leaves smaller gaps between values.
 """
 FAR = {"deg/s": 20.0, "m/s²": 5.0}
-"""If the size of a count is not known, two groups of values that are this far apart are broken reads, too.
+"""Distance between two groups of values from which on they are broken reads even if the size of a count is
+not known.
 
 No sensor has counts that large.
 """
 HELD_SHARE = 0.05
-"""If more than this proportion of the samples repeat the sample before, the true sampling rate is lower than
-stated, and N is wrong.
+"""Largest proportion of samples that may repeat the sample before, in addition to those that repeat it by
+chance.
+
+Above it, the true sampling rate is lower than stated, and N is wrong.
 """
 GRAVITY = 0.1
 """The gravity that an accelerometer at rest shows may be wrong by at most this relative error."""
 QUIET, SHAKES = 8, 0.05
-"""Number of parts of a record (QUIET), and largest scatter of an accelerometer at rest (SHAKES).
+"""A record is divided into QUIET parts, and the part with the least noise counts as rest.
 
-The quietest part counts as rest. SHAKES is a proportion of gravity: no accelerometer at rest scatters more.
+If an accelerometer's noise in that part exceeds SHAKES times gravity, the sensor was not at rest. No
+accelerometer at rest has so much noise.
 """
 ROOT_HOUR = 60.0
 LEAST_MS2 = 0.5
@@ -96,9 +102,10 @@ UNITS_OF_GRAVITY = (
     ("That is 9.81 m/s² read as g.", 1 / STANDARD_GRAVITY_MS2, "--accel-units m/s^2"),
     ("That is 9.81 m/s² in mm/s², or 1 g in mg.", 1 / 1000, "--accel-units mm/s^2, or mg"),
 )
-"""Explanations of wrong magnitudes of gravity: what a magnitude means, and how to correct it.
+"""Wrong units that explain a wrong magnitude of gravity.
 
-Each row has a sentence, the factor that converts to m/s², and the option to give.
+Each row has a sentence for the user, the factor that converts the samples to m/s², and the option with the
+right unit.
 """
 ORDINALS = {2: "second", 3: "third", 4: "fourth"}
 BROKEN_REMEDY = (
@@ -108,11 +115,11 @@ BROKEN_REMEDY = (
 
 
 class Turns(NamedTuple):
-    """A pattern that recurs every `sensors` samples."""
+    """A pattern that recurs every `sensors` samples, as if that many sensors delivered samples in turn."""
 
     sensors: int
     severe: bool
-    """Whether the pattern is a large part of the noise."""
+    """Whether the pattern is so large that the figures of the noise are wrong."""
     what: str
 
 
@@ -126,7 +133,9 @@ class Axis(NamedTuple):
     turns: Turns | None
     broken: str
     rest: tuple[float, float]
-    """Mean and standard deviation of the noise in the quietest part of the record."""
+    """Mean of the samples, and standard deviation of the fast noise, in the part of the record with the least
+    noise.
+    """
 
 
 def judge(
@@ -148,8 +157,8 @@ def judge(
     seen = {name: _look(read(name), one, kind_of(name).text_unit, gaps) for name, one in lsb.items()}
     kept = [data_check for kind in SENSOR_KINDS for data_check in _held(read, lsb, h, kind.axes)]
     yield from kept
-    # If each value is repeated a fixed number of times, some samples always equal their neighbours. That
-    # looks like alternating sensors.
+    # If each value is delivered two, three or four times, that also makes a pattern, which looks like
+    # alternating sensors. So the check for alternating sensors is skipped.
     by_turns = [] if any(data_check.severity == "bad" for data_check in kept) else list(_alternating(seen, h))
     yield from by_turns
     for name, axis in seen.items():
@@ -182,7 +191,7 @@ def _held(
 def held(
     y: Iterable[Array], lsb: Sequence[float | None], h: float, names: tuple[str, ...] = ()
 ) -> tuple[DataCheck, ...]:
-    """Check whether samples were delivered twice on all axes of a sensor.
+    """Check whether samples of a sensor repeat the sample before on all axes more often than by chance.
 
     Args:
         y: the samples of each axis, (n,).
@@ -198,7 +207,7 @@ def held(
             yield axis, one or step(axis)
 
     seen = repeats(each())
-    if seen is None or not seen.found or all(filtered):  # a median filter also repeats values
+    if seen is None or not seen.found or all(filtered):  # a median filter explains the repeated values
         return ()
     share = (seen.same - seen.expected) / seen.pairs
     every = seen.change_every if share > HELD_SHARE else None
@@ -230,10 +239,12 @@ def _look(y: Array, lsb: float | None, unit: str, gaps: Gaps) -> Axis:
 
 
 def _turns(against: Array, noise: float, unit: str) -> Turns | None:
-    """Return the pattern in the level or in the scatter of the samples that recurs every 2, 3 or 4 samples.
+    """Return the pattern that recurs every 2, 3 or 4 samples; None if there is none.
 
-    `against`: each sample minus the mean of its two neighbours, (n,). `noise`: the standard deviation of the
-    samples.
+    Either the mean of the samples or the size of their noise may follow the pattern.
+
+    `against`: each sample minus the mean of its two neighbours, (n,). `noise`: standard deviation of the fast
+    noise.
     """
     size = len(against) // TURNS // TURN
     if not size:
@@ -250,7 +261,9 @@ def _turns(against: Array, noise: float, unit: str) -> Turns | None:
             mean = found.mean()
             error = float((np.abs(found - mean) ** 2).sum()) / (TURNS - 1) / TURNS
             power = float(abs(mean)) ** 2 * (1 if sensors == 2 else 2)
-            if values is against:  # subtracting the neighbours amplified the pattern; undo that
+            # Samples minus the mean of their neighbours show the pattern larger than it is. The division
+            # gives its true power.
+            if values is against:
                 power /= (1 - math.cos(2 * math.pi / sensors)) ** 2
             if abs(mean) ** 2 <= ALTERNATES[sensors] * error or power < most * share / 10:
                 continue
@@ -266,8 +279,9 @@ def _turns(against: Array, noise: float, unit: str) -> Turns | None:
 def _without_glitches(against: Array) -> Array:
     """Replace a few outliers and their neighbours by 0.
 
-    Glitches once per second could look like a pattern, since each falls on the same sample of the pattern. If
-    more than a few samples are outliers, they come from alternating sensors and are kept.
+    Glitches that come once per second could look like a pattern: if the rate is a multiple of the pattern's
+    length, each glitch falls on the same place in the pattern. If many samples are outliers, they may be
+    those of one of several alternating sensors. Then no sample is replaced.
     """
     size = np.abs(against)
     far = size > GLITCH * median(size)
@@ -280,9 +294,9 @@ def _without_glitches(against: Array) -> Array:
 
 
 def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[DataCheck]:
-    """Yield the data check on alternating rows of several sensors.
+    """Yield the data check on a file in which the rows of several sensors alternate.
 
-    There is one data check for all axes, since whole rows are mixed.
+    One data check names all axes, since a row holds the samples of all axes.
     """
     found = {name: axis.turns for name, axis in seen.items() if axis.turns is not None}
     if not found:
@@ -361,7 +375,10 @@ def _is_gravity(length: float) -> bool:
 
 
 def _like_mems(seen: Mapping[str, Axis], h: float, unit: Answer) -> Iterator[DataCheck]:
-    """Yield a data check if noise and mean at rest contradict a unit that is only assumed by convention."""
+    """Yield a data check if the assumed unit would make noise or mean at rest too large for a MEMS gyroscope.
+
+    The file does not state this unit; it is only the usual one in files of this kind.
+    """
     gyro, accel = ([seen[name] for name in kind.axes if name in seen] for kind in SENSOR_KINDS)
     shakes = math.hypot(*(axis.rest[1] for axis in accel)) > SHAKES * math.hypot(
         *(axis.rest[0] for axis in accel)

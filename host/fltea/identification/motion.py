@@ -2,12 +2,17 @@
 
 Later the tracker detects motion (`identification.sensor_events`), since it knows the noise of the sensor at
 rest. But that noise has to be found first, from samples at rest. So the first analysis guesses, without any
-model, which samples these are. As in the live fit (firmware/core/engine/gate.hpp), samples are checked in
-chunks of 128. A chunk is a knock if its power about its own mean, without its largest sample, is sixteen
-times the usual power. Eight such chunks in a row are motion if their samples follow each other smoothly,
-which samples of increased noise do not. A chunk also counts as a knock if its mean is further from the usual
-offset than the live fit allows for a single sample. But at least one of the eight chunks must be a knock by
-its power.
+model, which samples these are.
+
+As in the live fit (firmware/core/engine/gate.hpp), samples are checked in chunks of 128. The power of a chunk
+is the variance of its samples, without the sample furthest from the chunk's mean. A chunk is a knock in two
+cases:
+- its power is sixteen times the usual power;
+- its mean is further from the usual offset than the live fit allows for a single sample.
+
+A group of knocks at least eight chunks long is motion if two conditions are met. At least one chunk of the
+group must be a knock by its power. Its samples must follow each other smoothly; samples of increased noise do
+not.
 """
 
 import math
@@ -22,23 +27,25 @@ from fltea.identification.load import Series
 from fltea.records.arrays import Array
 
 KNOCK, IN_A_ROW = 16.0, 8
-"""A knock has at least KNOCK times the usual power, and IN_A_ROW knocks in a row are motion, as in gate.hpp.
+"""A chunk of samples is a knock if its power is more than KNOCK times the usual power. A group of knocks may
+be motion if it is at least IN_A_ROW chunks long. Both numbers are as in gate.hpp.
 """
 SMOOTH = 0.5
-"""Samples follow each other smoothly if the mean square of their steps is at most this fraction of that of
-independent samples.
+"""Samples follow each other smoothly if the differences between successive samples are small. Their mean
+square must be less than this fraction of the mean square that independent samples of the same variance have.
 """
 
 
 def likely_motion(series: Series) -> LeftOut:
-    """Return the motion to leave out of the first analysis."""
+    """Return the samples that are probably in motion, which the first analysis of an axis leaves out."""
     n = len(series.y)
     parts = [(begin, series.y[begin:end]) for begin, end, _ in cut(n, series.gaps, bridge(n, series.gaps))]
     chunks = [_chunks(np.asarray(y, dtype=np.float64)) for _, y in parts]
     mean, power, steps, resolution = (np.concatenate(one) for one in zip(*chunks, strict=True))
     if len(power) < 2 * IN_A_ROW:
         return LeftOut()
-    # The usual power is the mean power of the chunks without a knock; the live fit leaves knocks out, too.
+    # The usual power is the mean power of all chunks whose power is at most KNOCK times the median power. The
+    # live fit leaves the other chunks out, too.
     usual = float(power[power <= KNOCK * np.median(power)].mean())
     usual = max(usual, float(np.min(resolution)) ** 2 / 12)
     apart = np.abs(mean - np.median(mean))
@@ -50,8 +57,8 @@ def likely_motion(series: Series) -> LeftOut:
         for begin, end in _runs(moved[at : at + count]):
             inside = slice(at + begin, at + end)
             smooth = steps[inside].sum() < SMOOTH * 2 * (power + apart**2)[inside].sum()
-            # Drift may also take the means of chunks as far from the median as motion does. But drift is
-            # slow, so none of its chunks has the power of a knock.
+            # In a chunk that is a knock only by its mean, the offset may just have drifted. Drift is slow: it
+            # gives no chunk the power of a knock. So a span without such a chunk is drift.
             if smooth and knock[inside].any():
                 spans.append((start + begin * CHUNK, start + end * CHUNK))
         at += count
@@ -65,7 +72,11 @@ def is_smooth(y: Array) -> bool:
 
 
 def _chunks(y: Array) -> tuple[Array, Array, Array, Array]:
-    """Return for each chunk: mean, power, mean square of the steps, smallest step."""
+    """Return four arrays with a value for each chunk.
+
+    They are the mean of its samples, the power about this mean, the mean square of the differences between
+    successive samples, and the smallest such difference that is not 0.
+    """
     whole = y[: len(y) // CHUNK * CHUNK].reshape(-1, CHUNK)
     mean = whole.mean(axis=1)
     apart = np.abs(whole - mean[:, np.newaxis])
@@ -77,9 +88,9 @@ def _chunks(y: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _runs(knock: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return begin and end of each group of knocks that is at least IN_A_ROW chunks long.
+    """Return begin and end of each group of knocks, in chunks.
 
-    Knocks up to IN_A_ROW chunks apart belong to one group.
+    Knocks up to IN_A_ROW chunks apart belong to one group. Groups of fewer than IN_A_ROW chunks are left out.
     """
     at = np.flatnonzero(knock)
     if not len(at):
