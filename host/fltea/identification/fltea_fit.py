@@ -40,9 +40,9 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     guard: str
     alpha: float | None
     alpha_std: float | None
-    """The filter's own standard deviation of α.
+    """The standard deviation of α that the filter itself computes.
 
-    This standard deviation says how much the estimate moves, but not how far it is from the truth.
+    It says how much the estimate still varies, but not how far it is from the true α.
     """
     f: float | None
     """The parameter f of D^α x = f x + ω, in s^-α."""
@@ -60,7 +60,7 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     The start-up window is included.
     """
     predicted: int
-    """Number of lost samples within this part. FLTEA predicts at these, but cannot correct."""
+    """Number of lost samples among `samples`. In place of a lost sample, FLTEA only predicts its state."""
     restarts: int
     interventions: dict[str, int]
     """For each cause, the number of samples at which the guard changed an estimate since FLTEA's last start.
@@ -71,7 +71,7 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
     f_drift: float | None
     converged: bool
-    """Whether `alpha_drift` is less than `alpha_std`, or less than 0.02."""
+    """Whether α has settled: the size of `alpha_drift` is at most `alpha_std`, or at most 0.02."""
     describes_noise: bool | None
     """Whether α and f describe the noise.
 
@@ -122,7 +122,9 @@ class FlteaFits(NamedTuple):
     """FLTEA's estimates for one axis."""
 
     own: FlteaFit | None
-    """The estimates of the variant in the settings. If None, `reason` says why."""
+    """FLTEA's estimates by the variant ("triple" or "joint") that the settings name. If None, `reason` says
+    why.
+    """
     other: FlteaFit | None
     innovations: dict[str, Innovations | None]
     """For each variant of FLTEA, the test whether the innovations of the last two thirds are white."""
@@ -172,10 +174,11 @@ class _Lane(NamedTuple):
 
 
 def _lane(axis: FlteaAxis) -> _Lane | str:
-    """Return the input of the engine for an axis, or a text that says why FLTEA cannot be run over it.
+    """Return the samples of an axis as the engine takes them, or a text that says why FLTEA cannot be run.
 
-    Raises ValueError if fewer than `LEAST` samples follow the start-up window, or if the axis's settings of
-    bias and R are not valid.
+    Raises:
+        ValueError: fewer than `LEAST` samples follow the start-up window, or the axis's settings of bias and
+            R are not valid.
     """
     begin, end = longest_epoch(len(axis.y), axis.gaps)
     y, gaps, config = axis.y[begin:end], axis.gaps.within(begin, end), axis.config
@@ -258,8 +261,9 @@ class _Ran:
     """The results for one lane (one axis) of n samples, collected block by block.
 
     Attributes:
-        last: α, its standard deviation, f, and its standard deviation after the last sample.
-        alpha, f: the drift of α and of f over the last third.
+        last: four values after the last sample: α, its standard deviation, f, and its standard deviation.
+        alpha: how far α drifts over the last third of the samples.
+        f: how far f drifts over the last third of the samples.
         tested: the test whether the innovations of the last two thirds are white.
     """
 
@@ -360,7 +364,7 @@ class _Drift:
             self._counts[i] += len(part)
 
     def value(self) -> float | None:
-        """Return the drift, or None if one half of the samples has no finite value."""
+        """Return how far the value drifted; None if one half of the samples has no finite value."""
         if not all(self._counts):
             return None
         first, second = (total / count for total, count in zip(self._sums, self._counts, strict=True))

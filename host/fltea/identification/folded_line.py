@@ -22,6 +22,9 @@ is that of the white noise.
 With a lower hump near frequency 0, white noise would hide the ratio of the moments that shows a line.
 """
 EDGE = 1.1
+"""The hump in the spectrum near frequency 0 ends where the density falls to this many times the density of
+the white noise.
+"""
 WIDEST = 0.3
 """A line that aliasing moves to near frequency 0 makes a hump in the spectrum. This hump may extend to at
 most this fraction of half the sample rate.

@@ -183,10 +183,10 @@ class Forecast(msgspec.Struct, frozen=True):
     """
     drive: Drive | None = None
     drive_s: float | None = None
-    """Time after a rest of `drive.rest_s` seconds for which the heading's 95 % error stays within
-    `drive.within` [s].
+    """How long the heading's 95 % error stays within `drive.within` [s], after a rest of `drive.rest_s`
+    seconds.
 
-    Null if no drive is asked for, or if the error stays within for more than an hour.
+    Null if no drive is asked for, or if the error stays within the limit for more than an hour.
     """
     after_s: float = 0.0
     """Time at rest before the forecast begins [s].
@@ -238,7 +238,10 @@ def found(
 
 
 def _answering(found: Forecast, model: System, h: float, asked: Goal | Drive, unit: str) -> Forecast:
-    """Return the forecast with the answer to a question, or with the reason why there is no answer."""
+    """Return the forecast with the answer to the question `asked`.
+
+    If there is no answer, the forecast's text says why.
+    """
     try:
         if isinstance(asked, Goal):
             return with_goal(found, model, h, asked, unit)
@@ -258,7 +261,11 @@ def now(model: System, y: Array, h: float, at_end: BiasAtEnd | None) -> Now:
 
 
 def forecast(whole: FittedSystem, first: FittedSystem, y: Array, h: float, unit: str) -> Forecast:
-    """Return the forecast of a recording y by the model `whole`. `first`: the model of its first half."""
+    """Return the forecast for the time after a recording y, with a check of the first half's model.
+
+    `whole`: model of the whole recording. `first`: model of its first half, which predicts the second half
+    for the check. `h`: sampling period [s].
+    """
     P = rested(whole.system, len(y))
     judgement = judged(first, y, len(y) // 2, h)
     curve = tuple(heading_stds(whole.system, P, h, TIMES_S))
@@ -271,7 +278,7 @@ def forecast(whole: FittedSystem, first: FittedSystem, y: Array, h: float, unit:
 def made_of(tracked: FittedSystem) -> str:
     """Return the parts of a noise model and the model of its offset in a few words."""
     walk = tracked.walk
-    # If one of the parts is a random walk, the tracker's random walk replaces it.
+    # If the fit of the spectrum found a walk (`is_found`), the offset's walk named below stands in its place.
     own = [part for part in tracked.parts if not (walk.is_found and isinstance(part, Walk))]
     found = [names(map(type, own))]
     if walk.endless > 0:
@@ -334,7 +341,7 @@ def integral(unit: str) -> str:
 
 
 def said(found: Judgement, unit: str) -> str:
-    """Return sentences on how well the second half agrees with the forecast."""
+    """Return how well the first half's model predicted heading and bias in the second half, in sentences."""
     if not found.heading:
         return f"The second half is too short to check a forecast: a check needs {FEWEST} pieces of a second."
     return f"{_of_heading(found.heading, unit)} {_of_bias(found.bias, unit)}"

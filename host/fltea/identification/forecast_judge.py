@@ -1,10 +1,10 @@
 """Judge a forecast by the recording itself: the first half's model predicts the second half.
 
 The second half is divided into pieces, which are time spans of T seconds. Two things are predicted for each
-piece. The first is the heading: the integral of the difference between the rate and its prediction. The
-second is Bias(T), the constant to subtract during these T seconds. Over a piece, the mean of the rate minus
-Bias(T) has the variance σ² + N²/T. Here σ is the standard deviation of the bias, and N²/T is the variance of
-the mean of the white noise.
+piece. The first is the heading: the integral of the rate over the piece. The second is Bias(T): the expected
+mean of the bias over the piece. Take the mean of the rate over the piece, and subtract Bias(T). If the noise
+consists of the bias and white noise, the difference has the variance σ² + N²/T. Here σ is the standard
+deviation of the bias about Bias(T), and N²/T is the variance of the mean of the white noise.
 """
 
 import math
@@ -35,22 +35,27 @@ forecast. The forecasts of the heading and those of the bias are tested separate
 probability.
 """
 UNLIKELY = 0.005
-"""The uncertainty of a forecast ignores models of the offset whose probability is smaller than this."""
+"""The offset may follow one of several models, each with a probability. The uncertainty of a forecast ignores
+models whose probability is below this.
+"""
 NODES_AT, NODES_WEIGH = np.polynomial.hermite_e.hermegauss(9)
 NODES_WEIGH = NODES_WEIGH / NODES_WEIGH.sum()
 """Points and weights for averages over a normal distribution (Gauss–Hermite quadrature)."""
 GROWTH = 1.1
-"""The covariance of the state x is computed anew when the time at rest has grown by this factor."""
+"""The longer the sensor rests, the better the state x of the noise model is known. The covariance of x is
+computed anew when the time at rest has grown by this factor.
+"""
 LEARNT = 4
-"""The tails of the errors' distribution are estimated from forecasts in the first half of the recording,
-without the first 1 / LEARNT of that half.
+"""Errors of forecasts in the first half of the recording show whether their distribution has heavy tails
+(many large errors). Errors in the first 1 / LEARNT of that half are not used for this.
 """
 HELD = 0.95
-"""Proportion of the pieces whose errors have to be inside a 95 % band."""
+"""Proportion of the errors that has to be inside the 95 % band after `needed` has widened it."""
 MANY = 20
-"""The tails of the errors are computed only if there are at least this many pieces.
+"""The tails of the distribution of errors are estimated only from at least this many pieces (time spans of T
+seconds), each with one error.
 
-With fewer pieces of T seconds, the tails for the next shorter T are used.
+If there are fewer pieces, the tails for the next shorter T are used.
 """
 NORMAL_TAILS = 3.0
 """Ratio of a normal distribution's fourth moment to its squared second moment."""
@@ -70,10 +75,14 @@ class Piece(msgspec.Struct, frozen=True):
     within: float
     """Proportion of the pieces (time spans) whose errors are inside the predicted 95 % band."""
     deviations: float
-    """Distance from 1 of the ratio of the observed to the predicted mean square, in standard deviations."""
+    """Distance of the errors' mean square from the predicted mean square, in standard deviations.
+
+    It is positive if the errors are larger than predicted, and negative if they are smaller.
+    """
     fails: bool
     needed: float
-    """Factor by which the 95 % band has to be widened to contain 95 % of the pieces."""
+    """Factor by which the predicted 95 % band has to be widened to contain the errors of 95 % of the pieces.
+    """
 
 
 class BiasPiece(msgspec.Struct, frozen=True):
@@ -99,12 +108,15 @@ class BiasPiece(msgspec.Struct, frozen=True):
     within: float
     """Proportion of the pieces (time spans) whose errors are inside the predicted 95 % band."""
     deviations: float
-    """Distance from 1 of the ratio of the observed to the predicted mean square, in standard deviations."""
+    """Distance of the errors' mean square from the predicted mean square, in standard deviations.
+
+    It is positive if the errors are larger than predicted, and negative if they are smaller.
+    """
     fails: bool
 
 
 class Judgement(NamedTuple):
-    """How well heading and bias were predicted, with one entry for each length of the pieces."""
+    """How well heading and bias were predicted: one entry for each T, the length of a forecast."""
 
     heading: tuple[Piece, ...]
     bias: tuple[BiasPiece, ...]
@@ -118,7 +130,7 @@ class FittedSystem(NamedTuple):
     system: System
     walk: OffsetWalk
     steps_recur: bool = False
-    """Whether the state-space model expects further steps of the bias, since steps were found."""
+    """Whether so many steps of the bias were found that the model expects further steps."""
 
 
 def fitted_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem:
@@ -130,7 +142,10 @@ def fitted_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem:
 
 
 class Forecasts(NamedTuple):
-    """Predictions for the next n samples, from the noise model's state x before them and its covariance."""
+    """How heading and mean bias of the next n samples follow from the state x of the noise model.
+
+    x is the state before these samples.
+    """
 
     n: int
     heading: Ahead
@@ -139,8 +154,10 @@ class Forecasts(NamedTuple):
     def mean_std(self, system: System, P: Array, h: float) -> float:
         """Return the predicted standard deviation of the difference between the samples' mean and Bias(T).
 
-        Bias(T) predicts only the bias. Other noise, such as a resonance, counts in full, although the filter
-        could predict some of it.
+        The state x also predicts some of the noise that is not bias, such as a resonance. Bias(T) leaves that
+        out, so all of that noise is part of the difference.
+
+        `P`: covariance of x. `h`: sampling period [s].
         """
         of_all, of_bias = self.heading.row / (self.n * h), self.bias.row
         of_noise = of_all - of_bias
@@ -170,7 +187,7 @@ class Errors(NamedTuple):
 
     @property
     def needed(self) -> float:
-        """Least factor by which the 95 % band has to be widened to contain 95 % of the pieces' errors."""
+        """Least factor by which the predicted 95 % band has to be widened to contain 95 % of the errors."""
         ranked = np.sort(np.sqrt(self.squares))
         return float(ranked[math.ceil(len(ranked) * HELD) - 1]) / NORMAL_95
 
@@ -221,9 +238,9 @@ def judged(model: FittedSystem, y: Array, begin: int, h: float) -> Judgement:
 
 
 def _tails(errors: Errors) -> float:
-    """Return the ratio of the errors' fourth moment to their squared second moment.
+    """Return how heavy the tails of the errors are: their fourth moment over their squared second moment.
 
-    The result is at least the ratio for normal errors.
+    The result is at least 3, the value for normal errors.
     """
     squares = errors.squares
     return max(float((squares**2).mean() / squares.mean() ** 2), NORMAL_TAILS)
@@ -232,7 +249,11 @@ def _tails(errors: Errors) -> float:
 def _errors(
     system: System, y: Array, begin: int, m: int, h: float, told: Sequence[Forecasts]
 ) -> list[tuple[Errors, Errors]]:
-    """Return for each forecast the errors of heading and bias, from sample `begin` of y on."""
+    """Return the errors of heading and bias for each length of forecast in `told`.
+
+    The samples of y from index `begin` on are divided into pieces of this length, each of which gives one
+    error. `m`: number of samples in a second.
+    """
     off = y - y[:begin].mean()
     sums = np.append(0.0, np.cumsum(off))
     origins, xs, Ps = _estimates(system, off, begin, m)
@@ -253,9 +274,12 @@ def _errors(
 
 
 def _estimates(model: System, y: Array, begin: int, m: int) -> tuple[Array, Array, list[Array]]:
-    """Return what a tracker knows after begin, begin + m, begin + 2 m … samples of y.
+    """Return what a tracker has estimated after `begin`, begin + m, begin + 2 m … samples of y.
 
-    The arrays are the constant that the tracker subtracts, its state x, and the covariances P of x.
+    The result has three arrays, each with one entry for each of these numbers of samples:
+        - the constant that the tracker has subtracted from the samples;
+        - the state x of the noise model;
+        - the covariance P of x.
     """
     tracker = Tracker([None])
     tracker.set(0, model)
@@ -287,14 +311,17 @@ class Doubt(NamedTuple):
     """
 
     def deviations(self, squares: Array, tails: float) -> float:
-        """Return the distance of the mean of `squares` from 1, in standard deviations.
+        """Return the distance of the errors' mean square from the predicted one, in standard deviations.
 
-        `squares`: squared errors, divided by their predicted variances. `tails`: ratio of the errors' fourth
-        moment to their squared second moment. The result is positive if the errors are larger than predicted.
+        `squares`: squared errors, divided by their predicted variances. `tails`: the errors' fourth moment
+        divided by their squared second moment. The result is positive if the errors are larger than
+        predicted.
 
-        With heavy tails, the mean is as uncertain as a mean of k times fewer squares of normal errors. The
-        model's variance was fitted to samples with the same tails. So the variance of its logarithm is k
-        times larger, too.
+        The probability of such a mean square follows from a χ² distribution. It is converted to standard
+        deviations of a normal distribution. Let k (`heavy`) be the variance of squared errors with these
+        tails, relative to that of normal errors. Then the mean of n squares varies as much as the mean of n /
+        k squares of normal errors. The model's variance was fitted to samples with the same tails, so the
+        variance of its logarithm is k times larger, too.
         """
         heavy = (tails - 1) / (NORMAL_TAILS - 1)
         count = len(squares) / heavy
@@ -314,10 +341,10 @@ class Doubt(NamedTuple):
 def left_open(model: FittedSystem, h: float, times_s: Sequence[float]) -> list[Doubt]:
     """Return the uncertainty of the heading's predicted variance at each time.
 
-    The variance is uncertain because the model was fitted to a record of limited length.
-
-    Errors in the parts' figures change the logarithm of the variance, which is assumed to be normally
-    distributed. The offset follows one of several models, each with its probability.
+    The variance is uncertain because the model was fitted to a record of limited length. There are two
+    causes. The first is errors in the parameters of the model's parts; they make the logarithm of the
+    variance normally distributed. The second is that the offset may follow one of several models, each with
+    its probability.
     """
     n = model.samples
 

@@ -56,7 +56,7 @@ class Gaps(NamedTuple):
         return Gaps(self.at[first:last] - begin, self.missing[first:last])
 
     def lost_up_to(self, longest: int) -> int:
-        """Return how many samples were lost in all gaps of at most `longest` samples together."""
+        """Return the total number of samples lost in gaps of at most `longest` samples."""
         return int(self.missing[self.missing <= longest].sum())
 
     def place(self, number: int) -> int:
@@ -207,9 +207,10 @@ def _runs(missing: Mask) -> list[tuple[int, int]]:
 
 
 def _covariance(parts: Sequence[tuple[Array, Mask | None]]) -> Array:
-    """Return the autocovariance matrix for the lags that `_rule` needs.
+    """Return the autocovariance matrix of successive samples, (lags, lags).
 
-    Each lag is averaged over all pairs of samples that are not lost.
+    It covers a longest gap and its neighbours on both sides. Each lag is averaged over all pairs of samples
+    that are not lost.
     """
     lags = 2 * AROUND + LONGEST_BRIDGE
     sums, pairs = np.zeros(lags), np.zeros(lags)

@@ -39,7 +39,7 @@ class HandOut(Generic[T]):
         self._pending: dict[Future[Any], T] = {}
 
     def next_task(self) -> T | None:
-        """Return the next task to do, or None if there is none now. Tasks to be tried alone come first."""
+        """Return the next task to do; None if no task is ready. Tasks to be tried alone come first."""
         raise NotImplementedError
 
     def settle(self, task: T, result: Any) -> None:

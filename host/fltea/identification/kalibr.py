@@ -14,17 +14,19 @@ CONSTANT = "the offset is as good as constant here; with a record ten times as l
 NOT_TOLD = "the record is too short to tell a random walk from a constant offset"
 TAKEN_OUT = "a high-pass has removed the walk (AC coupling, an auto-zero): the sensor itself may have one"
 MATTERS, MOST = 1.1, 3
-"""The correlation time of a Gauss–Markov state is listed if the state raises the noise density by more than
-the factor MATTERS. At most MOST times are listed.
+"""A Gauss–Markov state adds to the noise density at times longer than its correlation time. A comment in
+imu.yaml lists this density only if it exceeds that without the state by more than the factor MATTERS. At most
+MOST states are listed.
 """
 
 
 def axis_noise(axis: AxisReport) -> AxisNoise:
-    """Return N and K of an axis.
+    """Return N and K of an axis for imu.yaml.
 
-    If the offset follows a random walk, K is the K of this walk. If the offset also has a slope, K is at
-    least the K of the filter of `--gauss-markov`, which has a random walk in place of the slope. N is the N
-    of the white noise. If white noise cannot be told from other fast noise, N is the N of that filter.
+    N is that of the white noise. If white noise cannot be told from other fast noise, N is that of the filter
+    of `--gauss-markov`. K is given only if the offset follows a random walk, and then it is that of this
+    walk. If the offset also has a slope, the filter of `--gauss-markov` has a random walk in its place. K is
+    then at least that of this filter.
     """
     level, plain, tracked = axis.result.level, axis.filter, axis.tracked
     if plain is None or axis.walk is None or tracked is None:
@@ -38,8 +40,9 @@ def axis_noise(axis: AxisReport) -> AxisNoise:
 
 def _walk(walk: OffsetWalkFound, plain: NavigationFilter, tracked: System) -> Shown:
     if walk.said == "walks":
-        # `plain` is the filter of --gauss-markov. It replaces a slope by a random walk, so its K is used only
-        # if there is a slope. It describes a bounded walk by a state, which imu.yaml cannot hold.
+        # `plain` is the filter of --gauss-markov, which replaces a slope by a random walk. So its K is used
+        # only if there is a slope. Otherwise its K may be too small, since it describes a bounded walk by a
+        # Gauss–Markov state. imu.yaml has no such state.
         K = walk.K.value or 0.0
         return Shown(max(plain.K, K) if slope_of(tracked).any() else K)
     if walk.said == "likely constant":

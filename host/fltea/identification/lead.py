@@ -40,9 +40,10 @@ def _level(axis: AxisReport) -> list[str]:
 
 
 def _bias(now: Now, unit: str, *, walks: bool) -> list[str]:
-    """Return the bias and the heading error that follows from it.
+    """Return the bias, and the error of the heading that results from it.
 
-    If the offset walks, the text says that the bias is the value at the end of the recording.
+    `walks`: whether the offset follows a random walk. If so, the bias is marked as that "at the end" of the
+    recording.
     """
     end = f"({now.bias_s:g} s)" + (" at the end" if walks else "")
     if is_any_heading(now.heading_std, unit):

@@ -13,8 +13,8 @@ from fltea.identification.gaps import Gaps
 from fltea.identification.load import Series
 
 SAME = 256
-"""The axis is analysed anew only if the steps or motion that are found move by more than this number of
-samples.
+"""After an analysis, the tracker finds steps and motion. If one of them lies more than this number of samples
+from where the analysis left it out, the axis is analysed anew.
 
 The times of steps and motion are not known any better than this.
 """
@@ -47,7 +47,8 @@ def without(series: Series, out: LeftOut) -> Series:
     for begin, end in out.moved:
         rest[begin:end] = False
     y, kept = series.y[rest], np.cumsum(rest)
-    # Number of samples lost or left out before each remaining sample; 0 if it is not known, and at a step.
+    # For each index among the remaining samples: the number of samples lost or left out just before it. In
+    # `Gaps`, this number becomes 0 at steps and where it is not known.
     lost: dict[int, int] = {}
     breaks = {_place(kept, at) for at in out.steps}
     for at, missing in zip(series.gaps.at.tolist(), series.gaps.missing.tolist(), strict=True):
@@ -64,12 +65,12 @@ def without(series: Series, out: LeftOut) -> Series:
 
 
 def _place(kept: NDArray[np.int64], at: int) -> int:
-    """Return how many of the samples before sample `at` remain."""
+    """Return the index of sample `at` among the kept samples; that of the next kept one if it is left out."""
     return int(kept[at - 1]) if at else 0
 
 
 def _joined(spans: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return the spans in rising order; where spans overlap, the later one is shortened."""
+    """Return the spans in rising order without overlaps: each begins no earlier than the last one ends."""
     found: list[tuple[int, int]] = []
     for begin, end in sorted(spans):
         low = max(begin, found[-1][1]) if found else begin

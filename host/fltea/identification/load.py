@@ -33,8 +33,8 @@ from fltea.stream.decode import Decoded, Decoder
 from fltea.wire.layout import SampleFlags
 
 MAX_GAP = 100
-"""Longest gap that does not begin a new epoch (a run of samples), in samples, as the setting `link.max_gap`.
-It only affects how gaps are counted.
+"""Longest gap, in samples, after which the epoch goes on, as the setting `link.max_gap`. Here it affects only
+how gaps are counted, and from which part the clock's rate is measured.
 """
 
 MOST_REPORTED = 5
@@ -213,7 +213,7 @@ def _accel(axes: dict[str, Series]) -> tuple[Array, ...]:
 
 
 def _most(reported: list[DataCheck]) -> list[DataCheck]:
-    """Return the first few faults, and all faults that name an unused file."""
+    """Return the faults to report: all that name a file that was not read, and the first few others."""
     unread = [data_check for data_check in reported if data_check.kind == "unread_file"]
     return (
         unread + [data_check for data_check in reported if data_check.kind != "unread_file"][:MOST_REPORTED]
@@ -228,7 +228,7 @@ def _data_checks(
     wanted: Collection[str],
     reading: Sequence[Answer] = (),
 ) -> tuple[DataCheck, ...]:
-    """Return the data checks of the recording, and of those axes that are wanted."""
+    """Return the data checks on times and losses, and those that concern axes in `wanted` or all axes."""
     assert used.hello is not None
     of_time = timing_data_checks(counts, used.hello.rate_hz, clock_ppm)
     lsb = {name: one.lsb for name, one in axes.items()}
@@ -302,7 +302,7 @@ class _Groups:
 
 
 class _ClockRate:
-    """How fast the device's clock runs against the host's, measured in the longest part without a restart."""
+    """How much faster the device's clock runs than the host's, in the longest part without a restart."""
 
     def __init__(self) -> None:
         self._ppm: float | None = None
