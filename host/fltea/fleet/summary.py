@@ -58,11 +58,12 @@ class Oddity(msgspec.Struct, frozen=True):
 
 
 class Comparison(NamedTuple):
-    """Result of one comparison of the whole fleet.
+    """Result of one comparison of all sensors of the fleet.
 
-    `odd`: the values that differ from those of the other sensors.
-    `usual`: middle and spread of each group with enough sensors, on the scale of the group's comparison.
-    `took_s`: duration of the comparison, with the alerts that follow from it [s].
+    `odd`: the values that differ from those of the other sensors. `usual`: usual value of each group with
+    enough sensors, and standard deviation of the sensors in the group. For quantities that are compared by
+    ratios, both are those of logarithms. `took_s`: time that the comparison and the update of the alerts took
+    [s].
     """
 
     odd: list[Oddity]
@@ -120,7 +121,10 @@ def unit_of(quantity: Quantity, unit: str) -> str:
 
 
 def counts(roll: Roll, now: float, silent_s: float = SILENT_S) -> dict[str, Any]:
-    """Return numbers of sensors by state, kind and result, of axes by result, and of messages."""
+    """Return how many sensors, axes and messages there are.
+
+    The sensors are also counted by state, by kind and by verdict, and the axes by verdict.
+    """
     states: Counter[str] = Counter(sensor.state(now, silent_s) for sensor in roll.sensors.values())
     axes: Counter[str] = Counter()
     sensors: Counter[str] = Counter()
@@ -227,7 +231,10 @@ def _text_of(row: Row) -> str:
 
 
 def distribution(roll: Roll, seen: Comparison, group: Group) -> dict[str, Any]:
-    """Return the values of all sensors in one group, with outliers marked, and the group's usual value."""
+    """Return each sensor's value in one group, and the group's usual value.
+
+    A value that differs from those of the other sensors is marked as odd.
+    """
     kind, axis_name, quantity = group
     points: list[dict[str, Any]] = []
     odd = {one.key for one in seen.odd}
@@ -241,5 +248,5 @@ def distribution(roll: Roll, seen: Comparison, group: Group) -> dict[str, Any]:
 
 
 def groups(seen: Comparison) -> list[Group]:
-    """Return the groups that can be shown as a distribution, the largest first."""
+    """Return the groups of sensors that were large enough to be compared, the largest first."""
     return sorted(seen.usual, key=lambda group: (-seen.usual[group].sensors, group))
