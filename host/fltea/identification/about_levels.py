@@ -18,9 +18,10 @@ from fltea.records.fit import VerdictKind
 from fltea.spectrum.questions import Verdict
 
 NO_MEMORY: tuple[VerdictKind, ...] = "white", "undecided", "line", "line or resonance", "resonance"
-"""Verdicts that are replaced by "relaxations" on an axis that steps between levels.
+"""If an axis jumps between levels (telegraph noise) and the rest of its noise has one of these verdicts, the
+axis gets the verdict "relaxations" instead.
 
-Steps between levels have the spectrum of a relaxation (a first-order Gauss-Markov process).
+The spectrum of the jumps is that of a relaxation (a first-order Gauss-Markov process).
 """
 
 
@@ -30,7 +31,7 @@ class SeriesAnalysis(NamedTuple):
     analysis: AxisAnalysis
     """The analysis of the samples after the levels of the telegraph noise were subtracted."""
     series: Series
-    """The same samples before the levels were subtracted."""
+    """The samples that were analysed, still with the levels of the telegraph noise."""
     left_out: LeftOut
     telegraph: Telegraph | None
 
@@ -74,10 +75,13 @@ def samples_analysed(series: Series, h: float, left_out: LeftOut) -> Series:
 
 
 def _analysed_part(rest: Series, whole: Series, telegraph: Telegraph | None, out: LeftOut) -> Series:
-    """Return the samples to analyse: without the telegraph levels, and without the motion and steps in `out`.
+    """Return the samples to analyse, without motion and telegraph levels, and with a break at each step.
 
-    `rest`: all samples after the levels were subtracted. `whole`: the samples with their levels, from which
-    the samples in `out` were already removed.
+    Args:
+        rest: all samples, from which the levels were subtracted.
+        whole: the samples with their levels, from which the motion was already left out.
+        telegraph: the telegraph levels, if there are any.
+        out: motion to leave out, and steps of the bias.
     """
     if telegraph is None:
         return whole

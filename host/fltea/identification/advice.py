@@ -18,9 +18,9 @@ def doubted(result: AxisResult) -> AxisResult:
 
 
 def expecting_steps(result: AxisResult, steps: Sequence[BiasStep]) -> AxisResult:
-    """Return the result for an axis whose bias has stepped, with advice for that case.
+    """Return the result with advice to expect further steps of the bias, if steps were found in white noise.
 
-    A filter that is given only N would not follow such steps.
+    The usual advice for white noise is a filter with N alone, which would not follow further steps.
     """
     if not steps or result.verdict.kind != "white":
         return result

@@ -83,9 +83,9 @@ def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int
 
 
 def differences(factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:
-    """Return the number of differences of neighbouring means for each averaging factor.
+    """Return for each averaging time the number of pairs of neighbouring means over that time.
 
-    `lengths`: number of samples of each stretch.
+    `factors`: averaging times in samples. `lengths`: number of samples of each stretch.
     """
     each = np.asarray(lengths)[:, np.newaxis] - 2 * factors + 1
     return np.asarray(np.maximum(each, 0).sum(axis=0), dtype=np.float64)

@@ -33,7 +33,8 @@ NOT_RUN = "nobody asked for it"
 class IdentifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The options with which an axis is identified.
 
-    If `bias` and `R` in `estimator` are numbers, they are the values for this axis.
+    `estimator` has the settings of FLTEA. If its `bias` and `R` are numbers, they are the values for this
+    axis.
     """
 
     estimator: EstimatorConfig = EstimatorConfig()
@@ -153,7 +154,7 @@ def analyse(
         y: samples, (n,).
         h: sampling period [s].
         options: how to identify.
-        gaps: where samples are missing between those of y.
+        gaps: places in y where samples are missing.
 
     Raises:
         ValueError: y is not finite, too short or constant.
@@ -250,7 +251,7 @@ def with_fltea(result: AxisResult, found: FlteaFits) -> AxisResult:
 def with_copies(result: AxisResult, parts: Sequence[Copies]) -> AxisResult:
     """Add FLTEA's estimates for the shuffled copies to the result.
 
-    `parts`: the estimates in groups of any size, as different processes computed them.
+    `parts`: the estimates for some of the copies each; several processes may have computed them.
     """
     own = result.fltea
     alpha, f = (None, None) if own is None else (own.alpha, own.f)

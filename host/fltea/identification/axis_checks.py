@@ -20,12 +20,13 @@ def checks_of(
 ) -> tuple[DataCheck, ...]:
     """Return the data checks of an analysed axis.
 
-    `series`: the samples that were analysed, including the levels of `telegraph` if there are any.
+    `series`: the samples that were analysed; if the axis has telegraph noise, still with its levels.
+    `telegraph`: these levels.
     """
     y, gaps = analysis.y, analysis.gaps
     if any(peak.repeats is not None for peak in result.peaks):
-        # Glitches that recur in each period are reported as a comb of spectral lines, so the check for
-        # outliers does not report them again.
+        # Glitches that recur in each period are already reported as a comb of spectral lines. So outliers are
+        # searched for in the samples without the glitches.
         ends = np.cumsum([len(one.y) for one in analysis.stretches])
         missing = [one.missing for one in analysis.stretches]
         y = np.concatenate([one.y for one in analysis.stretches])

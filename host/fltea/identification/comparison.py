@@ -19,9 +19,7 @@ from fltea.records.quantity import number, quantity_of, shown_units, without_uni
 from fltea.records.units import HEADING_AFTER_S
 
 CHANCE = 0.05
-"""Probability that the comparison says of at least one figure that it differs, although the sensors are
-alike.
-"""
+"""Probability that at least one figure is said to differ although all sensors are alike."""
 
 
 class Figure(NamedTuple):
@@ -45,16 +43,17 @@ class Compared(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     file: str
     against: str
     ratio: Interval
-    """The figure divided by the same figure of the recording `against`, with the 95 % interval.
+    """The figure divided by the same figure of the first recording, whose name is `against`, with the 95 %
+    interval.
 
-    All values of the ratio are null for a bias, and if one of the two figures is not known.
+    Value and ends are null for a bias, and if one of the two figures is not known.
     """
     difference: Interval
     """Difference of two biases, in `unit`; null for other figures."""
     differs: bool | None
-    """Whether the two figures differ by more than chance; null if that is not known.
+    """Whether the two figures differ by more than chance; null if one of them or its interval is not known.
 
-    The threshold takes into account how many comparisons are made.
+    The more figures are compared, the larger a difference has to be (see `CHANCE`).
     """
 
 
@@ -105,8 +104,8 @@ def _of_pair(axis: str, file: str, against: str, first: Figure, its: Figure, rea
             above = math.hypot(_log(_high(b), b.value), _log(a.value, _low(a)))
             high = times * math.exp(above) if above < math.inf else None
             ratio = Interval(times, times * math.exp(-below), high)
-            # A figure's interval may be longer on one side of its value. Use the side towards the other
-            # figure.
+            # The intervals need not reach equally far above and below the values. If this ratio is above 1,
+            # its uncertainty towards 1 is `below`; else it is `above`.
             differs = abs(math.log(times)) > reach / NORMAL_95 * (below if times > 1 else above)
     return Compared(axis, first.name, first.unit, file, against, ratio, difference, differs)
 

@@ -65,10 +65,10 @@ def _with_levels(tracked: FittedSystem, telegraph: Telegraph, h: float) -> Fitte
 def in_agreement(tracked: Mapping[str, FittedSystem | None], h: float) -> dict[str, FittedSystem]:
     """Return, by axis name, the tracked system (state-space model) with which each axis's filter works.
 
-    If the data allow it, all axes of the gyroscope get one common figure for the random walk of the offset,
-    and so do all axes of the accelerometer.
+    The axes of the gyroscope share one size of the offset's random walk, if the data allow it. If the spectra
+    already show a walk, they share only its correlation time. So do the axes of the accelerometer.
 
-    The result has no entry for an axis for which no Kalman filter works.
+    An axis for which no Kalman filter works is left out.
     """
     known = {name: one for name, one in tracked.items() if one is not None}
     gyro, accel = by_sensor(known)
@@ -93,10 +93,10 @@ def conclude(
         h: sampling period [s].
         options: how to identify.
         tracked: the state-space model with which the bias of the axis is tracked.
-        K: K of the model's parts; null if no part is a random walk.
+        K: K of the noise model; null if the model has no random walk.
         forecast: the forecast that is asked for.
-        at_end: the bias at the end of the recording, if it was computed from the last stretch alone.
-        steps: steps of the bias that were found; the model expects more of them.
+        at_end: the tracker's bias at the end of the recording, if it is known.
+        steps: steps of the bias that were found; if there are several, further steps are expected.
     """
     rest, telegraph = without_levels(series, h)
     if telegraph is None:
@@ -117,7 +117,8 @@ def conclude(
     with contextlib.suppress(ValueError, ArithmeticError):
         # The filter starts with the bias after the last step, even if only a few samples follow that step.
         newest = stretches[-1] if at_end is not None and at_end.has_stepped else y
-        # the filter has a state for the levels, so its bias is the mean of the levels
+        # The filter describes the jumps between the telegraph levels by one of its states. So it starts with
+        # the mean of the samples without levels.
         if telegraph is not None:
             newest = max((one.y for one in bridged(rest.y, rest.gaps)), key=len)
         plain = navigation_filter(tracked, np.ascontiguousarray(newest), h)
@@ -126,9 +127,11 @@ def conclude(
 
 
 def _on_a_level(rest: Series, telegraph: Telegraph, tracked: FittedSystem) -> BiasAtEnd:
-    """Return the bias at the end of a record of telegraph noise, which ends on one of its levels.
+    """Return the bias at the end of a record whose samples jump between levels (telegraph noise).
 
-    `rest`: the samples of the record without the levels.
+    The bias depends on the level at the end, since the samples stay at this level for a while.
+
+    `rest`: the samples minus the levels.
     """
     bias_s, samples = LiveConfig().bias_s, len(rest.y)
     std = bias_std(tracked.system, rested(tracked.system, samples))

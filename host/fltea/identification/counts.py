@@ -9,12 +9,12 @@ class Counts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         samples: all samples that arrived.
-        used: samples that are analysed, since they have the rate and the scale that most samples have.
+        used: samples that are analysed: those with the most frequent rate and scale.
         used_from: index of the first used sample among all samples.
-        stretches: number of parts without a break into which all samples fall.
+        stretches: number of stretches (parts without a gap) of all samples together.
         bridged: lost samples between used ones that were replaced by random samples.
-        lost, gaps, duplicates, before_hello, rate_differs: as in `stats`.
-        late, retried, saturated: used samples that the device marked with this word.
+        lost, gaps, duplicates, before_hello, rate_differs: as in the record `stats`.
+        late, retried, saturated: used samples that the device marked as late, retried or saturated.
     """
 
     samples: int

@@ -37,10 +37,11 @@ class Spectrum(NamedTuple):
 
 
 class Path(NamedTuple):
-    """FLTEA's estimates over time, and the range in which FLTEA's estimates for white noise lie.
+    """FLTEA's estimates for the data over time, and for comparison those for white noise.
 
-    `white_alpha` and `white_f` are quantiles of the estimates for shuffled copies of the data, which are
-    white noise, (points, 3).
+    White noise is made by shuffling: `copies` copies consist of samples drawn at random from the data.
+    `white_alpha` and `white_f` are three quantiles of the estimates for these copies at each time, (points,
+    3).
     """
 
     t_s: Array
@@ -59,7 +60,9 @@ class Curves(NamedTuple):
     spectrum: Spectrum
     orders: Array
     deviance: Array
-    """For each of `orders`: 2 log L of the best fit, minus 2 log L of the best fit with this order."""
+    """How much worse the model fits with its order fixed at each of `orders`: the decrease of 2 log L, twice
+    the logarithm of the likelihood.
+    """
     path: Path | None
     """FLTEA's estimates over time; None if FLTEA was not run."""
     autocorrelation: Array
@@ -91,10 +94,11 @@ def curves(
 
 
 def profile(f: CandidateModels, orders: Array) -> Array:
-    """Return by how much 2 log L falls if the order is fixed at each of `orders`, (k,).
+    """Return how much worse the model fits if its order is fixed at each of `orders`, (k,).
 
-    The fits begin at the order nearest to the best one and go up and down from it. Each fit starts from the
-    parameters of its neighbour.
+    This is the decrease of 2 log L, twice the logarithm of the likelihood. The first fit has the order next
+    to the best one. Each further fit has the next higher or lower order, and starts from the parameters of
+    the fit before.
     """
     best = f.order or f.null
     at = best.place(Order, Arfima)
@@ -112,8 +116,8 @@ def profile(f: CandidateModels, orders: Array) -> Array:
 def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOptions) -> tuple[Path, Array]:
     """Run FLTEA over the data, and over random copies, which are white noise.
 
-    A copy consists of samples that are drawn at random from the data. The engine processes data and copies in
-    parallel; the data are its first axis.
+    A copy consists of samples that are drawn at random from the data. Data and copies are lanes that run in
+    parallel; lane 0 is the data.
 
     Returns the estimates over time, and the innovations of the data.
     """
@@ -155,13 +159,17 @@ def _baselines(
     if not window.shape[1]:
         return np.array([bias]), np.array([R])
     biases, Rs = lane_baselines(window, config, lsb)
-    # If the samples hardly ever change, the window of a shuffled copy may be constant.
+    # If the samples hardly ever change, the start-up window of a copy may hold a single value. R would then
+    # be 0, so it is kept above a small fraction of the R of the data.
     Rs = np.maximum(Rs, 1e-6 * R) if config.R == "auto" else Rs
     return np.append(bias, biases), np.append(R, Rs)
 
 
 def _quantiles(values: Array) -> Array:
-    """Return three quantiles over the shuffled copies at each point, (points, 3); NaN if none is finite."""
+    """Return three quantiles over the shuffled copies at each point, (points, 3).
+
+    They are NaN at a point where no copy has a finite estimate.
+    """
     found = np.full((len(values), 3), np.nan)
     for row, these in zip(found, values, strict=True):
         finite = these[np.isfinite(these)]

@@ -57,7 +57,9 @@ Data sheets rarely state a maximum.
 """
 MUCH = 2.0
 SEEN = 0.1
-"""A cause of additional noise is mentioned if it explains more than this fraction of the noise's power."""
+"""Rounding to counts is mentioned as a cause of noise if it gives more than this fraction of the white
+noise's power.
+"""
 BEST, WORST = 1e-7, 1.0
 """Range in which the densities of all gyroscopes lie [(deg/s)/√Hz]."""
 GIVEN = "given by --sheet"
@@ -136,7 +138,8 @@ def _density(text: str) -> float | None:
 def on_their_sides(values: Sequence[float], limits: Sequence[float]) -> list[str]:
     """Format numbers with three digits.
 
-    More digits are used if rounding would move a number to the other side of one of the limits.
+    More digits are used if rounding would move a number from one side of a limit to the other. For example,
+    1.2004 must not look equal to a limit of 1.2.
     """
     for digits in range(3, 17):
         found = [f"{value:.{digits}g}" for value in values]
@@ -147,7 +150,7 @@ def on_their_sides(values: Sequence[float], limits: Sequence[float]) -> list[str
 
 
 def _sides(value: float, limits: Sequence[float]) -> list[tuple[bool, bool]]:
-    """Return two truth values for each limit: whether the value is above it, and whether it is below it."""
+    """Return on which side of each limit the value is: two truth values for "above" and "below"."""
     return [(value > one, value < one) for one in limits]
 
 
@@ -171,9 +174,9 @@ def compare(
         why = f"not compared. {level.reason}"
         return SheetComparison(name, sheet.source, typical, Interval(), None, "not known", why)
     value, low, high = (math.sqrt(2) * one for one in (N.value, N.low, N.high))
-    # N may exclude a fast relaxation (a first-order Gauss-Markov process), which the sheet's density and
-    # `value` include. The lower end of N's interval may then be too low. So the interval is cut: it reaches
-    # no further below the value than above it.
+    # The interval of N covers several models of the noise. Some of them count part of the white noise as a
+    # fast relaxation (a first-order Gauss-Markov process), and their N is too low to be compared with a data
+    # sheet. So the interval's lower end is limited: value / low is at most high / value.
     density = Interval(value, min(value, max(low, value**2 / high)), high)
     half = rate_hz / 2
     folded = max((low_pass_hz or half) / half, 1.0) ** 0.5
@@ -212,7 +215,8 @@ def compare(
 def _shown(density: Interval, per: float, limits: Sequence[float]) -> str:
     """Format a density and its interval, both divided by `per`.
 
-    The numbers are rounded, but none is moved to the other side of one of the `limits`.
+    `limits`: the values at which the verdict of the comparison changes. Rounding moves no number to the other
+    side of a limit.
     """
     rounded = [float(f"{one:.12g}") for one in limits]
     ends = (density.value or 0.0, density.low or 0.0, density.high or 0.0)
@@ -221,7 +225,10 @@ def _shown(density: Interval, per: float, limits: Sequence[float]) -> str:
 
 
 def _why_more(ratio: float, half: float, low_pass_hz: float | None) -> str:
-    """Return a sentence on whether the sensor's low-pass explains more noise than the sheet gives."""
+    """Return a sentence that says whether aliasing explains why there is more noise than on the data sheet.
+
+    If the sensor's low-pass passes frequencies above half the sample rate, aliasing adds their noise.
+    """
     if low_pass_hz is None:
         return (
             f" At this sample rate all noise above {half:.3g} Hz is folded down: a low-pass of "

@@ -22,11 +22,11 @@ ALTERNATE = 0.9
 step.
 """
 AGREE = 5.0
-"""In popcorn noise, the scatter of the step sizes is at most this.
+"""Steps of popcorn noise have nearly equal sizes. The difference of each step's size from the median size is
+divided by the σ of that size. The mean square of these ratios must be at most this.
 
-The scatter is the mean square difference of the sizes from their median, divided by the expected mean square.
-
-The limit is above 1, since the σ of a step is too small if steps follow each other quickly.
+If all sizes were equal, it would be about 1. The limit is higher, since the σ of a step is too small if steps
+follow each other quickly.
 """
 
 

@@ -27,7 +27,9 @@ Dashed curves are drawn over solid ones, so that both are visible where models a
 """
 MODEL_POINTS = 300
 SETTLED = 3.0
-"""The y axis of the picture of the bias covers the points whose σ is at most this many times the median σ."""
+"""The picture of the bias over time need not show points with a large σ. The limits of its y axis are chosen
+for the points whose σ is at most this many times the median σ.
+"""
 
 Ends = tuple[float, float]
 
@@ -126,15 +128,15 @@ def _over_time(
     found: tuple[Array, Array, Array],
     at_end: tuple[float, float, float] | None,
 ) -> str:
-    """Draw estimates over time.
+    """Draw FLTEA's estimates of α or f over time.
 
     Args:
         title: heading of the chart.
         axis: the report of the axis.
-        p: the path of the estimates.
+        p: the estimates over time; the times and the number of shuffled copies are taken from it.
         y_label: what is estimated.
-        found: the estimate, its σ, and the quantiles of the estimates for white noise.
-        at_end: the quantiles of the shuffled copies at the end of the record.
+        found: three arrays: the estimates, their σ, and the quantiles of the estimates for shuffled copies.
+        at_end: quantiles of the estimates for shuffled copies at the end of the record: low, middle, high.
     """
     fit, shuffled = axis.result.fltea, axis.result.null.shuffled
     assert fit is not None
@@ -226,7 +228,8 @@ def _bias(title: str, axis: AxisReport, curves: Curves) -> str:
     known = np.isfinite(high - low)
     if known.any():
         usual = float(np.median(c.bias_std[known]))
-        # Points at the beginning and just after a step, whose σ is large, are excluded.
+        # The limits of the y axis ignore times at which the bias has a large σ: at the beginning, and after a
+        # step.
         accepted = c.bias[known & (c.bias_std <= SETTLED * usual)]
         bottom, top = float(accepted.min()), float(accepted.max())
         margin = 4 * usual + 0.1 * (top - bottom)

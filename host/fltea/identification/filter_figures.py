@@ -1,12 +1,14 @@
 """Convert the noise of an axis to figures for simple filters.
 
-A simple filter has white noise, and either a random walk or one Gauss–Markov state.
+A simple filter has white noise, and either a random walk or one Gauss–Markov state. It has no states for the
+relaxations (first-order Gauss-Markov processes) of the noise. With these figures, it still never predicts too
+small an error of the heading.
 
-A filter with these figures never predicts too small an error. A relaxation (a first-order Gauss-Markov
-process) with standard deviation σ and correlation time τ has the density 2 σ² τ / (1 + ω² τ²). White noise of
-density 2 σ² τ is nowhere below it, and neither is a random walk with K² = 2 σ² / τ. So a filter that replaces
-the relaxation by either of them predicts a heading error no smaller than the true one. After a time T, white
-noise is the closer replacement where τ < T / √3.
+A relaxation with standard deviation σ and correlation time τ has the density 2 σ² τ / (1 + ω² τ²) at the
+frequency ω. At each frequency, white noise of density 2 σ² τ has at least this density. So has a random walk
+with K² = 2 σ² / τ. So a filter with either of them in place of the relaxation predicts a heading error at
+least as large as the true one. Of the two, the one that predicts the smaller error is chosen. After a time T,
+that is white noise if τ < T / √3, else the random walk.
 """
 
 import math
@@ -26,19 +28,20 @@ LONG_S = 4 * 3600.0
 This time is much longer than a filter runs without new samples at rest.
 """
 NEGLIGIBLE = 0.1
-"""The filter's own random walk is negligible if its K is at most this many times the K of the random walk
-that replaces the filter's slow Gauss–Markov states.
+"""The random walk for a simple filter consists of the axis's own random walk and of its slow relaxations. The
+own random walk is negligible if its K is less than this fraction of the K of all together.
 """
 WITHOUT_SLOW = ("white", "line", "resonance", "line or resonance", "comb")
 """Verdicts on noise that has no slow component."""
 UP_TO_S = 60.0
-"""Default of the time up to which the filter must not predict too small an error of the heading [s]."""
+"""Default of `up_to_s` in `filter_figures`, the time for which the figures are chosen [s]."""
 
 
 def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
-    """Return the figures of the axis for a filter that does not underestimate its heading error.
+    """Return N, K and other figures of the axis for a filter without states for relaxations.
 
-    `up_to_s`: time up to which the error is not underestimated [s].
+    `up_to_s`: time for which the figures are chosen [s]. After it, the predicted heading error is as little
+    above the true one as such figures allow.
     """
     base, plain = axis_noise(axis), axis.filter
     N, K, said, tau_s = base.N._replace(slower=()), base.K, "", LONG_S
@@ -59,9 +62,10 @@ def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
 
 
 def _is_unlearnt(axis: AxisReport, K: Shown) -> bool:
-    """Whether no random walk was seen, so that the filter's slow states are only for noise that may exist.
+    """Whether the recording shows neither a random walk nor other slow noise.
 
-    In that case the upper bound of K is shown.
+    A filter still has states for slow noise that may be too weak to be seen. In that case they are ignored,
+    and the upper bound of K is shown.
     """
     return K.value is None and axis.result.verdict.kind in WITHOUT_SLOW
 
@@ -86,15 +90,15 @@ def _said(
     as_written: tuple[float, float],
     t_s: float,
 ) -> str:
-    """Return sentences on the relaxations that are included in N or K.
+    """Return a text that says which relaxations are included in N or K, and how much larger the error gets.
 
-    `as_written`: the figures N and K that include them.
+    `as_written`: N and K with the relaxations. `t_s`: time after which the heading's errors are compared [s].
     """
     (N, K), own = as_written, plain.N**2 * t_s + plain.K**2 * t_s**3 / 3
     for state in (*fast, *slow):
         over = t_s / state.tau_s
-        # by how much this state increases the heading's variance, if the state's value is known at the
-        # beginning
+        # `grown`: factor in the variance that this relaxation adds to the heading in `t_s`, if its value is
+        # known at the beginning
         grown = 2 * over - 3 + 4 * math.exp(-over) - math.exp(-2 * over)
         own += (state.sigma * state.tau_s) ** 2 * grown
     ratio = math.sqrt((N**2 * t_s + K**2 * t_s**3 / 3) / own)

@@ -190,9 +190,9 @@ def _fltea_rows(fit: FlteaFit, shuffled: ShuffledBand | None, unit: str) -> Iter
 
 
 def level_rows(axis: AxisReport) -> list[Row]:
-    """Return the parts of the noise, and N, K and B with 95 % intervals.
+    """Return rows with the names of the noise's parts, and with N, K and B and their 95 % intervals.
 
-    The units are those of data sheets if the axis belongs to a gyroscope.
+    The axes of a gyroscope have the units of data sheets, such as deg/√h.
     """
     known, of = quantities(axis.unit, axis.result.level, axis.allan, axis.now), shown_units(axis.unit)
     N, K, B = known.N.to(of.N), known.K.to(of.K), known.B.to(of.B)
@@ -324,9 +324,9 @@ def side_by_side(
 
 
 def _keyed(found: list[Row]) -> dict[tuple[str, str], str]:
-    """Return each row's value by two labels: that of the last row not indented, and that of the row itself.
+    """Return the value of each row by a key: the label of the last row not indented, and its own label.
 
-    Both are needed since the same indented label may stand below several rows.
+    One label is not enough: the same indented label may stand below several rows that are not indented.
     """
     keyed, above = {}, ""
     for label, value in found:

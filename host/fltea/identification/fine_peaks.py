@@ -16,8 +16,9 @@ from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral_lines import Peak, Repeats, find_peaks
 
 CHUNK, MOST_DEVIATIONS = 128, 12.0
-"""Number of samples in a chunk (CHUNK), and distance from the chunk's mean beyond which a sample is moved
-nearer [standard deviations]; as in firmware/core/engine/gate.hpp.
+"""CHUNK: number of samples in a chunk. MOST_DEVIATIONS: largest distance of a sample from the mean of its
+chunk, in standard deviations. A sample further away is moved to this distance. Both are as in
+firmware/core/engine/gate.hpp.
 """
 Bands = tuple[tuple[float, float], ...]
 
@@ -25,9 +26,9 @@ Bands = tuple[tuple[float, float], ...]
 def fine_peaks(
     p: Periodogram, stretches: Sequence[Stretch], from_hz: float, notch: Bands
 ) -> tuple[tuple[Peak, ...], Sequence[Stretch] | None]:
-    """Return the peaks of a periodogram, and the stretches after a comb of lines was removed.
+    """Return the peaks of a periodogram, and the stretches without the pattern that makes a comb of lines.
 
-    The second is None if there is no comb.
+    If there is no comb, None is returned in place of the stretches.
 
     Args:
         p: periodogram of the longest stretch, above `from_hz` and outside `notch`.

@@ -24,11 +24,13 @@ FORMAT = "fltea-navigation-model"
 VERSION = 4
 """Version of the format.
 
-Version 4 added the field `filter`, which holds every parameter of a Kalman filter, even where a figure was
-not found. Users of version 3 had to guess a value for such a figure.
+Since version 4 there is the field `filter`, with all parameters of a Kalman filter. It has numbers even where
+a figure such as N or K was not found.
 """
 STATES = {row.name for row in ROWS if "entry" in row.traits}
-"""Parts of the noise model that have fields of their own in the entry of an axis."""
+"""Names of the parts of the noise model whose figures have fields of their own in `NavigationAxis`, such as
+`N`.
+"""
 
 
 class GaussMarkovState(msgspec.Struct, frozen=True):
@@ -69,22 +71,22 @@ class NavigationAxis(msgspec.Struct, frozen=True):
     from_hz: float
     """Lowest frequency that the model describes [Hz]."""
     knee_hz: float | None
-    """Corner frequency of the fastest part [Hz]; null unless N is null.
+    """Corner frequency of the fastest relaxation [Hz].
 
-    N is null if white noise cannot be told from this part.
+    It is given only if N is null because white noise cannot be told from this relaxation; else it is null.
     """
     knee_density: float | None
     """Noise density at `knee_hz`, in the unit of N."""
     without_order: ModelSummary | None
-    """The best model without an order; null unless the noise has a fractional order, for which no filter has
-    a state.
+    """The best model without a fractional order. It is given only if the noise has a fractional order, for
+    which a filter has no state; else it is null.
     """
     filter: NavigationFilter
     """All parameters of a plain Kalman filter."""
 
 
 class NavigationModels(msgspec.Struct, frozen=True):
-    """The entries of a gyroscope's axes and of an accelerometer's axes."""
+    """The content of the file: one entry for each axis of the gyroscope and of the accelerometer."""
 
     rate_hz: float
     h_s: float
