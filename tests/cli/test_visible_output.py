@@ -12,10 +12,10 @@ from fltea.archive.info import Summary, as_text
 from fltea.cli import app as cli_app
 from fltea.cli import devices as cli_devices
 from fltea.cli.output import print_lines, say
+from fltea.diagnostics import host_system
+from fltea.diagnostics.finding import problem
 from fltea.identification import terminal
 from fltea.identification.axis_report import FileReport
-from fltea.machine import host_system
-from fltea.machine.doctor.finding import problem
 from fltea.recording.reading import Answer
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import Error

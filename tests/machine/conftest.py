@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from fltea.machine import host_system
+from fltea.diagnostics import host_system
 
 from tests.rig.fake_system import FakeSystem
 

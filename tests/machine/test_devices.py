@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 import typer
 from fltea.cli.devices import devices, doctor
-from fltea.machine import host_system
+from fltea.diagnostics import host_system
+from fltea.diagnostics.finding import Finding
+from fltea.diagnostics.host_system import Holder, System, permission_remedy
 from fltea.machine.devices import NATIVE, PROGRAMMING, find_iio, find_ports, stable_name
 from fltea.machine.doctor import hearing
 from fltea.machine.doctor.diagnosis import check_source
-from fltea.machine.doctor.finding import Finding
 from fltea.machine.doctor.hearing import Heard
-from fltea.machine.host_system import Holder, System, permission_remedy
 from fltea.records.events import Trouble
 from fltea.settings.config import Config
 from fltea.wire.permission import Group

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from fltea.diagnostics.finding import Finding
 from fltea.machine.doctor.checks_host import check_packages, check_service, check_udev
 from fltea.machine.doctor.checks_i2c import check_i2c
 from fltea.machine.doctor.checks_outputs import check_outputs
 from fltea.machine.doctor.diagnosis import check_source, examine
-from fltea.machine.doctor.finding import Finding
 from fltea.settings.config import load_configs
 from fltea.settings.extras import how_to_install
 from fltea.sources.i2c.chips import CHIPS

@@ -7,8 +7,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from fltea.machine.doctor.finding import Finding
-from fltea.machine.host_system import System
+from fltea.diagnostics.finding import Finding
+from fltea.diagnostics.host_system import System
 from fltea.wire.permission import Group, User
 from fltea.wire.transport import DUE_PROGRAMMING_PORT
 

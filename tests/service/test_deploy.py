@@ -11,8 +11,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pytest
+from fltea.diagnostics.folders import SERVICE_USER
 from fltea.machine.doctor.checks_host import RULE, UNIT
-from fltea.machine.doctor.checks_outputs import SERVICE_USER
 from fltea.service.descriptors import MOST
 from fltea.settings.config import load_config, load_configs
 from fltea.wire.transport import DUE_NATIVE_PORT, DUE_PROGRAMMING_PORT, DUE_VENDORS

@@ -69,7 +69,8 @@ def test_the_page_knows_only_what_records_say() -> None:
     """
     folder = Path(page.__file__).parent
     found = {module for file in folder.glob("*.py") for module in modules_of(file)}
-    assert {module.split(".")[1] for module in found} == {"documents", "records", "settings", "sinks"}
+    rooms = {"diagnostics", "documents", "records", "settings", "sinks"}
+    assert {module.split(".")[1] for module in found} == rooms
     written = list((folder.parents[1] / "documents").glob("*.py"))
     assert len(written) > 2
     known = {module for file in written for module in modules_of(file)}

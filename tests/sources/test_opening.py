@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from fltea.records.errors import UsageError
 from fltea.settings.config import load_config
-from fltea.sources import open_source as opening
+from fltea.sources import serial
 from fltea.sources.open_source import find_board, open_source
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
@@ -82,7 +82,7 @@ def test_serial_urls(url: str, port: str | None) -> None:
 
 def test_baud_and_latency_come_from_the_configuration(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[str, int, float]] = []
-    monkeypatch.setattr(opening, "SerialSource", lambda *how: asked.append(how))
+    monkeypatch.setattr(serial, "SerialSource", lambda *how: asked.append(how))
     opened("/dev/ttyACM0")
     opened("/dev/ttyACM0", **{"link.baud": 115200, "link.latency": "0 ms"})
     assert asked == [("/dev/ttyACM0", 250_000, 0.02), ("/dev/ttyACM0", 115_200, 0)]

@@ -3,22 +3,28 @@
 If a new source lacks an entry, a test's failure says which one, and in which file the entry belongs.
 """
 
+import importlib
 import re
 import socket
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from fltea.cli.setting_flags import Sources
-from fltea.machine.doctor.checks_sources import CHECKS, check_source
+from fltea.machine.doctor.checks_sources import check_source
 from fltea.records.errors import UsageError
+from fltea.service.ingest.receiver import ReceiverModule
 from fltea.service.ingest.receivers import receiver_of
 from fltea.settings.config import load_config
+from fltea.settings.outputs import OUTPUTS
 from fltea.settings.sources import BY_SCHEME, SOURCES, SourceKind, is_shared, kind_of
-from fltea.sources.open_source import OPENERS
+from fltea.sources.opening import SourceModule
 
 from tests.rig.fake_system import FakeSystem
 from tests.rig.host_support import ROOT
+from tests.rig.signatures import lacking
 
 EACH = pytest.mark.parametrize("kind", SOURCES, ids=lambda kind: kind.schemes[0])
 SHARED = [kind for kind in SOURCES if kind.shared]
@@ -34,11 +40,25 @@ def test_the_scheme_of_its_example_is_its_own(kind: SourceKind) -> None:
     assert is_shared(kind.example) is kind.shared
 
 
-def test_each_has_a_function_that_opens_it() -> None:
-    single = {scheme for kind in SOURCES if not kind.shared for scheme in kind.schemes}
-    missing, unknown = single - OPENERS.keys(), OPENERS.keys() - single
-    assert not missing, f"sources/open_source.py: OPENERS has no {missing}"
-    assert not unknown, f"settings/sources.py: SOURCES has no {unknown}"
+@EACH
+def test_the_module_of_each_opens_it_and_checks_it(kind: SourceKind) -> None:
+    declared = ReceiverModule if kind.shared else SourceModule
+    opens = "receiver_of" if kind.shared else "open_named"
+    found = lacking(importlib.import_module(kind.module), declared, opens)
+    found += lacking(importlib.import_module(kind.check or kind.module), declared, "check_source")
+    assert not found, f"{found} (see the row of {kind.schemes[0]}: in settings/sources.py)"
+
+
+def test_the_daemon_loads_no_library_and_no_check_before_it_needs_them() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", "import sys, fltea.service.daemon; print(*sys.modules)"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    rows = [*SOURCES, *OUTPUTS]
+    late = {row.library for row in rows} | {kind.check for kind in SOURCES} | {"subprocess", "smbus2"}
+    assert not late & set(done.stdout.split())
 
 
 @pytest.mark.parametrize("scheme", [scheme for kind in SHARED for scheme in kind.schemes])
@@ -46,13 +66,6 @@ def test_each_shared_source_has_a_receiver(scheme: str) -> None:
     assert callable(receiver_of(load_config(None, {"source": f"{scheme}://server.example"})))
     with pytest.raises(UsageError):
         receiver_of(load_config(None, {"source": f"{scheme}:server.example"}))
-
-
-def test_the_doctor_looks_at_each() -> None:
-    names = {kind.schemes[0] for kind in SOURCES}
-    missing, unknown = names - CHECKS.keys(), CHECKS.keys() - names
-    assert not missing, f"machine/doctor/checks_sources.py: CHECKS has no {missing}"
-    assert not unknown, f"settings/sources.py: SOURCES has no {unknown}"
 
 
 @EACH

@@ -10,8 +10,8 @@ from fltea.cli.setting_flags import ConfigFile, Sources, takes_settings
 from fltea.records.visible import visible, visible_lines
 
 if TYPE_CHECKING:
+    from fltea.diagnostics.finding import Finding
     from fltea.machine.devices import Bus, IioDevice, Port
-    from fltea.machine.doctor.finding import Finding
 
 COLOURS = {"ok": typer.colors.GREEN, "warning": typer.colors.YELLOW, "problem": typer.colors.RED}
 INDENT = " " * 4
@@ -36,8 +36,8 @@ def devices(
 
         fltea devices --probe --json
     """
+    from fltea.diagnostics.host_system import System
     from fltea.machine import devices as found
-    from fltea.machine.host_system import System
 
     system = System()
     ports, buses, sensors = found.find_ports(system), found.find_buses(system), found.find_iio(system)
@@ -126,8 +126,8 @@ def doctor(
 
         fltea doctor --config /etc/fltea/fltea.toml
     """
+    from fltea.diagnostics.host_system import System
     from fltea.machine.doctor.diagnosis import examine
-    from fltea.machine.host_system import System
     from fltea.settings.config import load_configs
 
     configs = load_configs(config, settings, source or ())

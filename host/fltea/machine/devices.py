@@ -5,7 +5,7 @@ import os
 import msgspec
 from serial.tools.list_ports_common import ListPortInfo
 
-from fltea.machine.host_system import Holder, System, permission_remedy
+from fltea.diagnostics.host_system import Holder, System, permission_remedy
 from fltea.records.records import Hello
 from fltea.sources.iio import sysfs as iio
 from fltea.sources.iio.buffer import rate_of

@@ -5,15 +5,13 @@ from collections.abc import Collection, Sequence
 
 import msgspec
 
-from fltea.records.ports import Sink
 from fltea.service.hub import Hub
 from fltea.service.recorder import RecorderOfHub
 from fltea.settings.config import Config
-from fltea.settings.extras import load
-from fltea.settings.outputs import OUTPUTS, Output
+from fltea.settings.outputs import OUTPUTS
 from fltea.settings.sources import is_shared
 from fltea.sinks.log import LogSink
-from fltea.sinks.opening import Opening
+from fltea.sinks.opening import Opening, output_module
 
 
 def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] = ()) -> None:
@@ -38,17 +36,11 @@ def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] =
         if output.each == "device":
             for name in apart:
                 of_one = opening._replace(device=name, report=hub.report(name))
-                sink_queue = hub.add(_opened(output, of_one), name)
+                sink_queue = hub.add(output_module(output).open_output(of_one), name)
                 if output.name == "record":
                     recorder.adopt(name, sink_queue)
         elif output.each == "program" or shared:
-            hub.add(_opened(output, opening))
-
-
-def _opened(output: Output, opening: Opening) -> Sink:
-    module = load(f"fltea.sinks.{output.module}", output.library, output.extra, "this output needs")
-    sink: Sink = module.open_output(opening)
-    return sink
+            hub.add(output_module(output).open_output(opening))
 
 
 def _with_format(program: Config) -> Config:

@@ -1,9 +1,7 @@
 """Kinds of sources of samples, each declared once.
 
-A new kind needs a row of `SOURCES`. It also needs a function that opens it (`OPENERS` in
-`sources/open_source.py`; for a source of many devices, a receiver in `service/ingest/receivers.py`), a check
-(`CHECKS` in `machine/doctor/checks_sources.py`) and a row in the table of `host/docs/guide/sources.md`.
-`tests/sources/test_source_table.py` names what is missing.
+A new kind needs a row of `SOURCES`, the module that the row names, and a row in the table of
+`host/docs/guide/sources.md`. `tests/sources/test_source_table.py` names what is missing.
 """
 
 from typing import NamedTuple
@@ -14,6 +12,8 @@ class SourceKind(NamedTuple):
 
     Attributes:
         schemes: schemes of its URLs.
+        module: module that opens the source and checks it for `fltea doctor`: a `SourceModule`
+            (`sources/opening.py`), for a shared source a `ReceiverModule` (`service/ingest/receiver.py`).
         example: an example of its URL, for messages and the help.
         what: what the source is, for the help of `--source`; empty if the next row says it.
         samples_only: whether its devices only send samples and make no estimates themselves.
@@ -22,9 +22,12 @@ class SourceKind(NamedTuple):
         shared: whether many devices send through the source; `service.ingest` opens it then.
         extra: extra of the package that installs `library`.
         library: module that a source of this kind needs.
+        check: module with `check_source`, if not `module` has it, since the check lists this machine's
+            devices or listens to a board, which is for rooms below that of the source.
     """
 
     schemes: tuple[str, ...]
+    module: str
     example: str
     what: str
     samples_only: bool = False
@@ -33,6 +36,7 @@ class SourceKind(NamedTuple):
     shared: bool = False
     extra: str = ""
     library: str = ""
+    check: str = ""
 
 
 SERIAL, REPLAY, STDIN = "serial", "replay", "stdin"
@@ -41,25 +45,63 @@ SERIAL, REPLAY, STDIN = "serial", "replay", "stdin"
 SOURCES = (
     SourceKind(
         (SERIAL,),
+        "fltea.sources.serial",
         "serial:PORT",
         "a device path, socket://HOST:PORT, rfc2217://HOST:PORT, hwgrep://REGEXP",
+        check="fltea.machine.doctor.checks_link",
     ),
-    SourceKind(("i2c",), "i2c:///dev/i2c-1?addr=0x68", "a sensor on a Raspberry Pi", samples_only=True),
-    SourceKind(("iio",), "iio:NAME", "a sensor with a driver of the Linux kernel", samples_only=True),
     SourceKind(
-        (REPLAY,), "replay:FILE", "a recording, of any kind that `fltea identify` takes", described=True
+        ("i2c",),
+        "fltea.sources.i2c.source",
+        "i2c:///dev/i2c-1?addr=0x68",
+        "a sensor on a Raspberry Pi",
+        samples_only=True,
+        check="fltea.machine.doctor.checks_i2c",
     ),
-    SourceKind((STDIN,), "stdin:", "", samples_only=True, described=True, may_be_bare=True),
+    SourceKind(
+        ("iio",),
+        "fltea.sources.iio.source",
+        "iio:NAME",
+        "a sensor with a driver of the Linux kernel",
+        samples_only=True,
+        check="fltea.machine.doctor.checks_iio",
+    ),
+    SourceKind(
+        (REPLAY,),
+        "fltea.sources.replay",
+        "replay:FILE",
+        "a recording, of any kind that `fltea identify` takes",
+        described=True,
+    ),
+    SourceKind(
+        (STDIN,),
+        "fltea.sources.text_lines",
+        "stdin:",
+        "",
+        samples_only=True,
+        described=True,
+        may_be_bare=True,
+    ),
     SourceKind(
         ("serial-text",),
+        "fltea.sources.text_lines",
         "serial-text:PORT?baud=115200",
         "lines of CSV or NDJSON, live",
         samples_only=True,
         described=True,
     ),
-    SourceKind(("mqtt", "mqtts"), "mqtt://BROKER", "", shared=True, extra="mqtt", library="paho"),
+    SourceKind(
+        ("mqtt", "mqtts"),
+        "fltea.service.ingest.mqtt",
+        "mqtt://BROKER",
+        "",
+        shared=True,
+        extra="mqtt",
+        library="paho",
+    ),
     SourceKind(
         ("nats",),
+        "fltea.service.ingest.nats",
         "nats://SERVER",
         "many devices that publish their frames there",
         shared=True,
@@ -68,6 +110,7 @@ SOURCES = (
     ),
     SourceKind(
         ("synthetic",),
+        "fltea.sources.synthetic",
         "synthetic:?alpha=0.3&f=-1.5",
         "made-up noise",
         samples_only=True,

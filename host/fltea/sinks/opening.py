@@ -1,10 +1,14 @@
-"""Define what the program hands to the function `open_output`, which every output's module has."""
+"""Define the functions of every output's module (`OutputModule`), and what the program hands to them."""
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple, Protocol, cast
 
-from fltea.records.ports import OutputView, Recorder, Report
+from fltea.diagnostics.asked import AskedOutput
+from fltea.diagnostics.finding import Finding
+from fltea.records.ports import OutputView, Recorder, Report, Sink
 from fltea.settings.config import Config
+from fltea.settings.extras import load
+from fltea.settings.outputs import Output
 
 
 class Opening(NamedTuple):
@@ -31,3 +35,28 @@ class Opening(NamedTuple):
     def program(self) -> Config:
         """Settings of the whole program."""
         return self.configs[0]
+
+
+class OutputModule(Protocol):
+    """The functions of a module that a row of `OUTPUTS` names."""
+
+    def open_output(self, opening: Opening) -> Sink:
+        """Open the output.
+
+        Raises:
+            UsageError: a setting is wrong.
+            FlteaError: the output cannot be opened.
+        """
+
+    def check_output(self, asked: AskedOutput) -> Iterator[Finding]:
+        """Yield what `fltea doctor` finds about the output before it is opened; it may be nothing."""
+
+
+def output_module(output: Output) -> OutputModule:
+    """Load the module of an output.
+
+    Raises:
+        UsageError: the library that the output needs is not installed.
+    """
+    module = load(f"fltea.sinks.{output.module}", output.library, output.extra, "this output needs")
+    return cast(OutputModule, module)

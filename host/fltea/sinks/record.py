@@ -7,6 +7,8 @@ from typing import get_args
 
 import msgspec
 
+from fltea.diagnostics.asked import AskedOutput
+from fltea.diagnostics.finding import Finding
 from fltea.recording.append_only import Meddled
 from fltea.recording.schema import encode_message
 from fltea.recording.session import OVERFLOW, WIRE_WRAP, LinkMessage
@@ -20,6 +22,7 @@ from fltea.sinks.json_lines import BlockLines
 from fltea.sinks.opening import Opening
 from fltea.sinks.record_loss import DELETED, Outage, lost_of, told
 from fltea.sinks.record_session import NOTHING, OpenPart, Session, SourceClock, summed
+from fltea.sinks.record_space import check_space
 from fltea.sources.as_wire import as_stated
 
 FLUSH_NS = 750_000_000
@@ -351,3 +354,8 @@ def open_output(opening: Opening) -> RecordSink:
     """Open a recording of one device that runs as long as the program."""
     settings = opening.program.record.for_devices(len(opening.configs))
     return RecordSink(settings, opening.device, opening.report)
+
+
+def check_output(asked: AskedOutput) -> Iterator[Finding]:
+    """Yield what is wrong with the folder of recordings, and for how long it has room."""
+    return check_space(asked)

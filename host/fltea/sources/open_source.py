@@ -6,21 +6,24 @@ Modules that are rarely needed are imported only when they are needed. The start
 on a Raspberry Pi, and further imports would make it longer.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import cast
 
 from fltea.recording.formats import KINDS
-from fltea.recording.kind import is_one_file
 from fltea.records.errors import UsageError
 from fltea.records.ports import Source
 from fltea.settings.config import SETTINGS, Config
-from fltea.settings.estimator import BY_DEVICE, EstimatorConfig
+from fltea.settings.estimator import BY_DEVICE
+from fltea.settings.extras import load
 from fltea.settings.outputs import OUTPUTS, Output
 from fltea.settings.sources import BY_SCHEME, REPLAY, SERIAL, SOURCES, STDIN
+from fltea.sources.opening import Named, SourceModule, need_wire
 from fltea.sources.replay import ReplaySource
-from fltea.sources.serial import SerialSource
 from fltea.wire.transport import ANY_BOARD
+
+LINES_OF_TEXT = [x.example.partition("?")[0] for x in SOURCES if x.described and REPLAY not in x.schemes]
+"""URLs of the sources whose lines of text the user may describe by options, for messages."""
 
 
 def find_board() -> str:
@@ -37,82 +40,6 @@ def find_board() -> str:
     if len(found) > 1:
         raise UsageError(f"several boards are plugged in: {', '.join(found)}. Choose one with --source.")
     return ANY_BOARD
-
-
-def _open_serial(place: str, config: Config) -> Source:
-    return SerialSource(place, config.link.baud, config.link.latency_s)
-
-
-def _open_i2c(place: str, config: Config) -> Source:
-    # this import is not at the top of the file, since the library smbus2 can be imported on Linux only
-    from fltea.sources.i2c.source import I2cSource
-
-    return I2cSource(place)
-
-
-def _open_iio(place: str, config: Config) -> Source:
-    from fltea.sources.iio.source import IioSource
-
-    return IioSource(place)
-
-
-def _open_pipe(place: str, config: Config) -> Source:
-    from fltea.sources.text_lines import PipeText
-
-    return PipeText(place, config.replay.how)
-
-
-def _open_serial_text(place: str, config: Config) -> Source:
-    from fltea.sources.text_lines import SerialText
-
-    return SerialText(place, config.replay.how)
-
-
-def _open_replay(place: str, config: Config) -> Source:
-    replay = config.replay
-    by_device = config.estimator.estimate_on in BY_DEVICE
-    if is_one_file(Path(place)):
-        _need_wire(config, config.source or place)
-    return ReplaySource(
-        Path(place),
-        how=replay.how,
-        startup=0 if by_device else _startup(config.estimator),
-        shuffle=replay.shuffle,
-        realtime=config.pace == "real",
-        limits=replay.limits,
-    )
-
-
-def _open_synthetic(place: str, config: Config) -> Source:
-    from fltea.sources.synthetic import SyntheticSource
-
-    return SyntheticSource(place, realtime=config.pace != "fast")
-
-
-OPENERS: dict[str, Callable[[str, Config], Source]] = {
-    "serial": _open_serial,
-    "i2c": _open_i2c,
-    "iio": _open_iio,
-    "replay": _open_replay,
-    "stdin": _open_pipe,
-    "serial-text": _open_serial_text,
-    "synthetic": _open_synthetic,
-}
-"""Function that opens a source of one device, by the scheme of its URL. It gets the part of the URL after the
-colon. Shared sources, with many devices each, are opened by `service.ingest`.
-"""
-
-
-class Named(NamedTuple):
-    """What a URL names.
-
-    Attributes:
-        scheme: scheme that the URL has, or that a bare path stands for.
-        place: part of the URL after the colon, or the whole path or URL of pyserial.
-    """
-
-    scheme: str
-    place: str
 
 
 def named(url: str) -> Named:
@@ -138,12 +65,12 @@ def open_source(config: Config) -> Source:
     scheme, place = named(url)
     kind = BY_SCHEME.get(scheme)
     if kind is not None and kind.samples_only:
-        _need_wire(config, url)
+        need_wire(config, url)
     described = kind is not None and kind.described
     if not described and (said := config.replay.how.flags()):
         raise UsageError(
             f"{', '.join(said)}: such options are for recordings (replay:FILE) and for lines of text "
-            "(stdin:, serial-text:PORT)."
+            f"({', '.join(LINES_OF_TEXT)})."
         )
     if scheme != REPLAY and config.replay.shuffle is not None:
         raise UsageError("--shuffle: such options are for recordings (replay:FILE).")
@@ -154,10 +81,11 @@ def open_source(config: Config) -> Source:
         raise UsageError(
             f"--source {scheme}: many devices send there, and 'fltea run' alone takes such a source."
         )
-    if scheme not in OPENERS:
+    if kind is None:
         known = ", ".join(kind.example for kind in SOURCES)
         raise UsageError(f"--source {url}: '{scheme}:' is not a kind of source. Known are {known}")
-    return OPENERS[scheme](place, config)
+    module = cast(SourceModule, load(kind.module, kind.library, kind.extra, f"--source {scheme}: needs"))
+    return module.open_named(Named(scheme, place), config)
 
 
 def check_shared(configs: Sequence[Config]) -> None:
@@ -199,20 +127,3 @@ def check_recordable(config: Config, source: Source) -> None:
             "--state keeps only what this computer estimates, and a device begins again with each boot. "
             f"Leave out --estimate-on {config.estimator.estimate_on}, or --state."
         )
-
-
-def _need_wire(config: Config, url: str) -> None:
-    who = config.estimator.estimate_on
-    if who in BY_DEVICE:
-        raise UsageError(
-            f"--estimate-on {who}: {url} gives samples only. An Arduino Due estimates by itself, so this "
-            "needs its port (serial:PORT) or an .mcap recording of it; else --estimate-on host."
-        )
-
-
-def _startup(config: EstimatorConfig) -> int:
-    """Return the smallest number of samples that a recording must have.
-
-    The result is 0 if this number depends on the sampling rate, which is not known here.
-    """
-    return config.startup_needed if isinstance(config.startup, int) else 0

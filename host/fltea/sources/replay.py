@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fltea.diagnostics.asked import AskedSource
+from fltea.diagnostics.finding import Finding, ok, problem
 from fltea.recording.bag_files import bags_in
 from fltea.recording.changes import Changes, MotionMark, StepMark
 from fltea.recording.files import Recording, Stored, listed
@@ -29,9 +31,12 @@ from fltea.records.events import (
 from fltea.records.kinds import FILE_TROUBLES
 from fltea.records.records import Hello, Sample
 from fltea.records.stats import LinkStats
+from fltea.settings.config import Config
+from fltea.settings.estimator import BY_DEVICE, EstimatorConfig
 from fltea.settings.extras import load
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
+from fltea.sources.opening import Named, need_wire
 from fltea.sources.pacing import sleep_until
 from fltea.wire.sample_scaling import to_counts
 
@@ -321,3 +326,35 @@ def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
 def _alike(a: Sample, b: Sample) -> bool:
     """Return whether two samples contain the same kinds of values."""
     return (a.accel_ms2 is None, a.temperature_c is None) == (b.accel_ms2 is None, b.temperature_c is None)
+
+
+def open_named(named: Named, config: Config) -> ReplaySource:
+    """Return the source that replays a recording."""
+    path, replay = Path(named.place), config.replay
+    if is_one_file(path):
+        need_wire(config, config.source or named.place)
+    return ReplaySource(
+        path,
+        how=replay.how,
+        startup=0 if config.estimator.estimate_on in BY_DEVICE else _startup(config.estimator),
+        shuffle=replay.shuffle,
+        realtime=config.pace == "real",
+        limits=replay.limits,
+    )
+
+
+def _startup(config: EstimatorConfig) -> int:
+    """Return the smallest number of samples that a recording must have.
+
+    The result is 0 if this number depends on the sampling rate, which is not known here.
+    """
+    return config.startup_needed if isinstance(config.startup, int) else 0
+
+
+def check_source(asked: AskedSource) -> Iterator[Finding]:
+    """Yield whether the recording exists."""
+    file = Path(asked.place)
+    if file.exists():
+        yield ok("source", f"{file}: a recording, nothing to check")
+    else:
+        yield problem("source", f"{file}: there is no such recording.", "check the name.")

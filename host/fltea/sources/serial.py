@@ -7,6 +7,8 @@ from fltea._native import PortDecoder
 from fltea.records import clock
 from fltea.records.events import Event, Reads, TransportEvent
 from fltea.records.stats import LinkStats
+from fltea.settings.config import Config
+from fltea.sources.opening import Named
 from fltea.sources.wire_events import WireEvents
 from fltea.wire.ports import TICK_S
 from fltea.wire.reader import Reader
@@ -86,3 +88,8 @@ class SerialSource:
         """
         if self._reader is not None:
             self._reader.close()
+
+
+def open_named(named: Named, config: Config) -> SerialSource:
+    """Return the source that reads the board at a port."""
+    return SerialSource(named.place, config.link.baud, config.link.latency_s)

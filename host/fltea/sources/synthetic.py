@@ -7,13 +7,17 @@ from urllib.parse import parse_qsl
 import msgspec
 import numpy as np
 
+from fltea.diagnostics.asked import AskedSource
+from fltea.diagnostics.finding import Finding, ok
 from fltea.noise.simulation import FractionalNoise, quantise
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, Event, RawSample, block_of
 from fltea.records.records import AXES, Hello
 from fltea.records.stats import LinkStats
+from fltea.settings.config import Config
 from fltea.settings.estimator import LONGEST_WINDOW
+from fltea.sources.opening import Named
 from fltea.sources.pacing import sleep_until
 
 PACE_S = 0.01
@@ -151,3 +155,13 @@ class SyntheticSource:
     def close(self) -> None:
         """End the iteration of `events`."""
         self._closed = True
+
+
+def open_named(named: Named, config: Config) -> SyntheticSource:
+    """Return the source that simulates noise."""
+    return SyntheticSource(named.place, realtime=config.pace != "fast")
+
+
+def check_source(asked: AskedSource) -> Iterator[Finding]:
+    """Yield that there is nothing to check."""
+    yield ok("source", f"{asked.url}: synthetic noise, nothing to check")

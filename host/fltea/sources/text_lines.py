@@ -11,11 +11,16 @@ import stat
 from collections.abc import Iterator
 from urllib.parse import parse_qsl
 
+from fltea.diagnostics.asked import AskedSource
+from fltea.diagnostics.finding import Finding, ok
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Event, Failed, Opened, TransportEvent
 from fltea.records.stats import LinkStats
+from fltea.settings.config import Config
 from fltea.settings.how import How
+from fltea.settings.sources import STDIN
+from fltea.sources.opening import Named
 from fltea.sources.text_events import TextEvents
 from fltea.wire.ports import TICK_S
 from fltea.wire.reader import Reader
@@ -167,3 +172,13 @@ def parse_serial(rest: str) -> tuple[str, int]:
             )
         baud = int(value)
     return url, baud
+
+
+def open_named(named: Named, config: Config) -> PipeText | SerialText:
+    """Return the source that reads lines of text from a pipe or from a port."""
+    return (PipeText if named.scheme == STDIN else SerialText)(named.place, config.replay.how)
+
+
+def check_source(asked: AskedSource) -> Iterator[Finding]:
+    """Yield that the lines are not looked at before they are read."""
+    yield ok("source", f"{asked.url}: lines of text; 'fltea run' tells what is wrong with them")

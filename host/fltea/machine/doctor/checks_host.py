@@ -3,9 +3,9 @@
 import platform
 from collections.abc import Iterator
 
+from fltea.diagnostics.finding import Finding, ok, problem, warning
+from fltea.diagnostics.host_system import System
 from fltea.machine.devices import find_ports
-from fltea.machine.doctor.finding import Finding, ok, problem, warning
-from fltea.machine.host_system import System
 from fltea.records.version import __version__
 from fltea.settings.config import Config
 from fltea.settings.extras import how_to_install

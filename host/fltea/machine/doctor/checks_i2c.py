@@ -3,9 +3,10 @@
 import errno
 from collections.abc import Iterator
 
+from fltea.diagnostics.asked import AskedSource
+from fltea.diagnostics.finding import Finding, ok, problem, warning
+from fltea.diagnostics.host_system import System, permission_remedy
 from fltea.machine.devices import find_buses, is_raspberry_pi
-from fltea.machine.doctor.finding import Finding, ok, problem, warning
-from fltea.machine.host_system import System, permission_remedy
 from fltea.records.errors import UsageError
 from fltea.sources.i2c.bus import detect_command
 from fltea.sources.i2c.chip import Family
@@ -106,3 +107,8 @@ def _chip(system: System, bus: str, address: int) -> Iterator[Finding]:
         yield warning("sensor", f"{name}: {sensor.note}")
     else:
         yield ok("sensor", name)
+
+
+def check_source(asked: AskedSource) -> Iterator[Finding]:
+    """Yield findings on the bus and the chip."""
+    return check_i2c(asked.system, asked.url)

@@ -3,9 +3,10 @@
 import os
 from collections.abc import Iterator
 
+from fltea.diagnostics.asked import AskedSource
+from fltea.diagnostics.finding import Finding, ok, problem, warning
+from fltea.diagnostics.host_system import System, permission_remedy
 from fltea.machine.devices import find_iio
-from fltea.machine.doctor.finding import Finding, ok, problem, warning
-from fltea.machine.host_system import System, permission_remedy
 from fltea.records.errors import UsageError
 from fltea.sources.iio.buffer import HRTIMER, OWN_TRIGGER, PERMISSION, Unusable, rate_of
 from fltea.sources.iio.source import conversion_of, parse_url
@@ -141,3 +142,8 @@ def _rate(system: System, device: Attributes, wanted_hz: float | None) -> Findin
             "set one: --source 'iio:NAME?rate_hz=200'.",
         )
     return ok("rate", f"{rate_hz:g} Hz, as its driver says it")
+
+
+def check_source(asked: AskedSource) -> Iterator[Finding]:
+    """Yield findings on the device of the kernel."""
+    return check_iio(asked.system, asked.place)

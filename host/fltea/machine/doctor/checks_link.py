@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 
+from fltea.diagnostics.asked import AskedSource
+from fltea.diagnostics.finding import Finding, ok, problem, warning
+from fltea.diagnostics.host_system import System, permission_remedy
 from fltea.machine.devices import NATIVE, NATIVE_REMEDY, Port, find_ports, stable_name
-from fltea.machine.doctor.finding import Finding, ok, problem, warning
 from fltea.machine.doctor.hearing import HEAR_S, Heard, hear
-from fltea.machine.host_system import System, permission_remedy
 from fltea.records.plus_minus import within
 from fltea.records.version import __version__
 from fltea.records.visible import visible
@@ -226,3 +227,10 @@ def _samples(heard: Heard) -> Iterator[Finding]:
         )
     else:
         yield ok("board", f"no dropped frames, no overruns, no I²C errors {since}")
+
+
+def check_source(asked: AskedSource) -> Iterator[Finding]:
+    """Yield findings on the board at a port, or on the Due that is plugged in."""
+    # a URL of pyserial and the path of a port are their own places
+    place = None if asked.url is None else asked.place
+    yield from check_serial(asked.system, place, asked.config.link.baud, asked.hear_s)

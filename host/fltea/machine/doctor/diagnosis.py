@@ -1,13 +1,15 @@
 """`fltea doctor`: check everything from the sensor to the outputs, and say what to do.
 
-The checks examine the machine only through `fltea.machine.host_system.System`. The command works without a
-board and for any user.
+The checks examine the machine only through `fltea.diagnostics.host_system.System`. The command works
+without a board and for any user.
 """
 
 from collections.abc import Iterator, Sequence
 
 import msgspec
 
+from fltea.diagnostics.finding import Finding
+from fltea.diagnostics.host_system import System
 from fltea.machine.doctor.checks_host import (
     check_clock,
     check_packages,
@@ -18,9 +20,7 @@ from fltea.machine.doctor.checks_host import (
 from fltea.machine.doctor.checks_i2c import check_i2c
 from fltea.machine.doctor.checks_outputs import check_outputs
 from fltea.machine.doctor.checks_sources import check_source
-from fltea.machine.doctor.finding import Finding
 from fltea.machine.doctor.hearing import HEAR_S
-from fltea.machine.host_system import System
 from fltea.settings.config import Config
 
 

@@ -1,9 +1,19 @@
 """Receive frames of many devices from an MQTT broker, over one connection with one subscription."""
 
-from fltea.mqtt.connection import Receiver, Session, Subscription
+from collections.abc import Callable, Iterator
+from functools import partial
+
+from fltea.diagnostics.addresses import answers
+from fltea.diagnostics.asked import AskedSource
+from fltea.diagnostics.finding import Finding
+from fltea.mqtt.connection import Receiver as Listener
+from fltea.mqtt.connection import Session, Subscription
 from fltea.mqtt.subscriber import Subscriber
 from fltea.records.ports import Report
 from fltea.service.ingest.inbox import Inbox
+from fltea.service.ingest.receiver import Receiver
+from fltea.settings.config import Config
+from fltea.settings.ingest import broker_at
 from fltea.settings.mqtt import MqttConfig
 
 LEVEL = "frames"
@@ -36,7 +46,7 @@ class MqttFrames:
         self._subscriber = Subscriber(
             settings,
             "fltea-frames",
-            Receiver([topic], self._take, inbox.wait_for_room),
+            Listener([topic], self._take, inbox.wait_for_room),
             report,
             self._on_back,
             session=Session(kept_s=SESSION_S),
@@ -64,3 +74,18 @@ class MqttFrames:
 
     def _on_back(self) -> None:
         self._report("broker_back", f"{self.url} is back; frames that the broker did not keep are lost.")
+
+
+def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
+    """Return a function that makes the receiver for the broker of the source's URL.
+
+    Raises:
+        UsageError: the URL is not the address of a broker.
+    """
+    return partial(MqttFrames, broker_at(config.source or "", config.mqtt))
+
+
+def check_source(asked: AskedSource) -> Iterator[Finding]:
+    """Yield whether something answers at the broker's address."""
+    broker = broker_at(asked.url or "", asked.config.mqtt).address()
+    yield answers("source", "broker", broker.host, broker.port)

@@ -13,11 +13,16 @@ import secrets
 import ssl
 import threading
 import time
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 from nats.aio.client import Client
 from nats.errors import Error as NatsError
 
+from fltea.diagnostics.addresses import answers
+from fltea.diagnostics.asked import AskedSource
+from fltea.diagnostics.finding import Finding
 from fltea.records.errors import UsageError
 from fltea.records.ports import Report
 from fltea.service.ingest import mapping
@@ -25,8 +30,10 @@ from fltea.service.ingest.inbox import Inbox
 from fltea.service.ingest.leases import LEASE_S, RENEW_S
 from fltea.service.ingest.nats_reports import PASSWORD, USER, Reports
 from fltea.service.ingest.partitions import Partitions
+from fltea.service.ingest.receiver import Receiver
 from fltea.service.ingest.store import Store, Unfit
 from fltea.settings.config import Config
+from fltea.settings.ingest import nats_servers
 
 POLL_S = 0.5
 AGAIN_S = 1.0
@@ -184,3 +191,19 @@ def _login(config: Config) -> _Login:
             raise UsageError(f"ingest.ca {ca}: cannot be used ({error.strerror or error}).") from error
     user, password = os.environ.get(USER) or None, os.environ.get(PASSWORD) or None
     return _Login((config.source or "").split(","), user, password, tls)
+
+
+def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
+    """Return a function that makes the receiver for the servers of the source's URL.
+
+    Raises:
+        UsageError: the URL is not the address of NATS servers.
+    """
+    nats_servers(config.source or "")
+    return partial(NatsFrames, config)
+
+
+def check_source(asked: AskedSource) -> Iterator[Finding]:
+    """Yield for each server whether something answers at its address."""
+    for server in nats_servers(asked.url or ""):
+        yield answers("source", "NATS server", server.host, server.port)

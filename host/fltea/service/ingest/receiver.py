@@ -1,6 +1,13 @@
 """Define what a receiver of messages from many devices offers to the code that processes them."""
 
+from collections.abc import Callable, Iterator
 from typing import Protocol
+
+from fltea.diagnostics.asked import AskedSource
+from fltea.diagnostics.finding import Finding
+from fltea.records.ports import Report
+from fltea.service.ingest.inbox import Inbox
+from fltea.settings.config import Config
 
 
 class Shared(Protocol):
@@ -46,3 +53,17 @@ class Receiver(Protocol):
 
     def close(self) -> None:
         """Stop receiving messages."""
+
+
+class ReceiverModule(Protocol):
+    """The functions of a module that a row of `SOURCES` names, for a shared source."""
+
+    def receiver_of(self, config: Config) -> Callable[[Inbox, Report], Receiver]:
+        """Return a function that makes the receiver. Its arguments are an inbox and a function for reports.
+
+        Raises:
+            UsageError: the URL is not the address of a broker.
+        """
+
+    def check_source(self, asked: AskedSource) -> Iterator[Finding]:
+        """Yield what `fltea doctor` finds about the source, at least one finding."""

@@ -3,13 +3,16 @@
 import socket
 import socketserver
 import threading
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from http import HTTPStatus
 from http.server import ThreadingHTTPServer
 
 import msgspec
 from prometheus_client import CollectorRegistry, MetricsHandler, ProcessCollector
 
+from fltea.diagnostics.addresses import may_listen
+from fltea.diagnostics.asked import AskedOutput
+from fltea.diagnostics.finding import Finding
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.identities import MOST, FewIdentities
@@ -185,3 +188,8 @@ def _listen(host: str, port: int, handler: type[_Handler]) -> _Server:
 def open_output(opening: Opening) -> MetricsSink:
     """Open the server for Prometheus."""
     return MetricsSink(opening.program.metrics, opening.sink_queues, opening.report)
+
+
+def check_output(asked: AskedOutput) -> Iterator[Finding]:
+    """Yield whether the server of the metrics may listen at its address."""
+    yield may_listen("metrics", str(asked.program.metrics.address), asked.system)

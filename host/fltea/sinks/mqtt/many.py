@@ -9,10 +9,12 @@ connection's last will publishes there that it is offline.
 
 import secrets
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 import msgspec
 
+from fltea.diagnostics.asked import AskedOutput
+from fltea.diagnostics.finding import Finding
 from fltea.mqtt.broker import Broker
 from fltea.mqtt.connection import POLL_S, Up
 from fltea.mqtt.link import Link
@@ -22,7 +24,7 @@ from fltea.records.ports import Departed, Item, Report, Sink
 from fltea.records.records import Record
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.mqtt import MqttConfig
-from fltea.sinks.mqtt.shared import SharedConnection
+from fltea.sinks.mqtt.shared import SharedConnection, check_broker
 from fltea.sinks.mqtt.sink import FAREWELL_S, MqttSink
 from fltea.sinks.mqtt.status import Status
 from fltea.sinks.opening import Opening
@@ -197,3 +199,8 @@ class ManyMqttSink(Sink):
 def open_output(opening: Opening) -> ManyMqttSink:
     """Open the output for all devices that reach this program through MQTT brokers."""
     return ManyMqttSink(opening.program.mqtt, opening.shared[0], opening.report, set(opening.apart))
+
+
+def check_output(asked: AskedOutput) -> Iterator[Finding]:
+    """Yield whether something answers at the broker's address."""
+    return check_broker(asked)

@@ -6,7 +6,11 @@ Instead, the last will of the shared connection is a status of the program.
 """
 
 from collections import deque
+from collections.abc import Iterator
 
+from fltea.diagnostics.addresses import answers
+from fltea.diagnostics.asked import AskedOutput
+from fltea.diagnostics.finding import Finding
 from fltea.mqtt.broker import Broker
 from fltea.mqtt.connection import Acknowledged, Connection, Down, Event, Session, Up, await_end
 
@@ -101,3 +105,9 @@ class SharedConnection:
             connection.close()
             if up:
                 await_end(connection.events, deadline_s)
+
+
+def check_broker(asked: AskedOutput) -> Iterator[Finding]:
+    """Yield whether something answers at the broker's address."""
+    host, port, *_ = asked.program.mqtt.address()
+    yield answers("mqtt", "broker", host, port)

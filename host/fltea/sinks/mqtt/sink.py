@@ -3,8 +3,11 @@
 import re
 import secrets
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 
+from fltea.diagnostics.asked import AskedOutput
+from fltea.diagnostics.finding import Finding
 from fltea.mqtt.broker import Broker
 from fltea.mqtt.connection import Connection, Session
 from fltea.mqtt.link import Link
@@ -17,7 +20,7 @@ from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.json_lines import BlockLines
 from fltea.sinks.mqtt.delivery import BACKLOG, Delivery, Message
 from fltea.sinks.mqtt.discovery import discovery, discovery_topic
-from fltea.sinks.mqtt.shared import SharedConnection
+from fltea.sinks.mqtt.shared import SharedConnection, check_broker
 from fltea.sinks.mqtt.status import DeviceStatus, status_of
 from fltea.sinks.opening import Opening
 from fltea.sinks.record_json import record_json
@@ -327,3 +330,8 @@ def device_level(hello: Hello, device: str) -> str:
 def open_output(opening: Opening) -> MqttSink:
     """Open the output to MQTT for one device."""
     return MqttSink(opening.program.mqtt, opening.device, opening.report)
+
+
+def check_output(asked: AskedOutput) -> Iterator[Finding]:
+    """Yield whether something answers at the broker's address."""
+    return check_broker(asked)

@@ -2,10 +2,13 @@
 
 import asyncio
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from tornado.ioloop import IOLoop
 
+from fltea.diagnostics.addresses import may_listen
+from fltea.diagnostics.asked import AskedOutput
+from fltea.diagnostics.finding import Finding
 from fltea.records.block import Block
 from fltea.records.ports import Item, Recorder, Report, Sink
 from fltea.records.records import Record
@@ -94,3 +97,8 @@ def open_output(opening: Opening) -> DashboardSink:
     page = DashboardSink(opening.program.dashboard, devices, opening.report, opening.recorder)
     opening.say(f"fltea: live page at {page.url}\n")
     return page
+
+
+def check_output(asked: AskedOutput) -> Iterator[Finding]:
+    """Yield whether the server of the live page may listen at its address."""
+    yield may_listen("dashboard", str(asked.program.dashboard.address), asked.system)

@@ -24,6 +24,7 @@ from fltea.records.records import Hello
 from fltea.records.repeat import OnceAMinute
 from fltea.records.stats import DeviceStatus, LinkStats
 from fltea.records.version import __version__
+from fltea.settings.config import Config
 from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c.bus import Bus, explain_open_failure
 from fltea.sources.i2c.chip import Chip
@@ -31,6 +32,7 @@ from fltea.sources.i2c.chips import ADDRESSES, CHIPS
 from fltea.sources.i2c.driver import TRIES, Driver, SensorFault, TransferFailed
 from fltea.sources.i2c.fifo_reader import FifoReader, Loss
 from fltea.sources.i2c.texts import bus_lost_text, fault_text, loss_text
+from fltea.sources.opening import Named
 from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import NO_SENSOR, relative_text, sensor_name
 
@@ -384,3 +386,8 @@ class I2cSource:
             dropped_frames=0,
             reset_cause="software",
         )
+
+
+def open_named(named: Named, config: Config) -> I2cSource:
+    """Return the source that reads a chip on an I²C bus."""
+    return I2cSource(named.place)

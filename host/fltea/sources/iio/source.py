@@ -24,10 +24,12 @@ from fltea.records.records import Hello
 from fltea.records.repeat import OnceAMinute
 from fltea.records.stats import LinkStats
 from fltea.records.units import STANDARD_GRAVITY_MS2
+from fltea.settings.config import Config
 from fltea.sources.iio.buffer import Buffer, Unusable, Wishes, rate_of
 from fltea.sources.iio.conversion import Conversion, conversion, parse_mount
 from fltea.sources.iio.sysfs import ACCEL, GYRO, SENSORS, Attributes, devices, find, root_of
 from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered
+from fltea.sources.opening import Named
 from fltea.wire.ports import TICK_S
 
 READ_BYTES = 1 << 16
@@ -378,3 +380,8 @@ def _what_it_has(device: Attributes) -> str:
             "has a gyroscope, but no buffer: 'sudo modprobe industrialio-triggered-buffer', or a newer kernel"
         )
     return "has no gyroscope"
+
+
+def open_named(named: Named, config: Config) -> IioSource:
+    """Return the source that reads a device of the kernel."""
+    return IioSource(named.place)

@@ -13,6 +13,7 @@ import msgspec
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
+from fltea.diagnostics.folders import first_existing
 from fltea.wire.permission import Group, User, group_of, join_remedy, this_user
 
 COMMAND_S = 5.0
@@ -172,11 +173,6 @@ class System:
     def has_module(self, name: str) -> bool:
         """Return whether a Python package is installed."""
         return importlib.util.find_spec(name) is not None
-
-
-def first_existing(folder: Path) -> Path:
-    """Return the folder if it exists, else the nearest parent folder that exists."""
-    return next((path for path in (folder, *folder.parents) if path.exists()), folder)
 
 
 def permission_remedy(system: System, name: str) -> str | None:

@@ -1,0 +1,1 @@
+"""What checks of `fltea doctor` get and return, for the modules of sources and outputs."""
