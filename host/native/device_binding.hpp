@@ -193,10 +193,10 @@ class Device {
         return nb::make_tuple(static_cast<int>(found.stop), found.next, columns, told(device_, from, found));
     }
 
-    std::tuple<std::int64_t, std::int64_t, std::int64_t, std::int64_t, std::int64_t, std::int64_t> counts()
-        const {
-        const fltea::PlaceCounts& c = device_.place.counts();
-        return {c.delivered, c.lost, c.gaps, c.duplicates, c.before_hello, c.rate_differs};
+    nb::dict counts() const {
+        nb::dict found;
+        device_.place.counts().visit([&](const char* name, std::int64_t count) { found[name] = count; });
+        return found;
     }
     void note_lost(std::int64_t count) { device_.place.note_lost(count); }
     // Five numbers of the newest sample. The first three are its sequence number, device time and host time

@@ -25,6 +25,17 @@ constexpr const char* kEpochReasons[] = {"",    "start",  "restart", "sensor_res
 
 struct PlaceCounts {
     std::int64_t delivered, lost, gaps, duplicates, before_hello, rate_differs;
+
+    // Calls `each` with the name and the value of every count. The names are those of SampleStats in Python.
+    template <typename Each>
+    void visit(Each each) const {
+        each("delivered", delivered);
+        each("lost", lost);
+        each("gaps", gaps);
+        each("duplicates", duplicates);
+        each("before_hello", before_hello);
+        each("rate_differs", rate_differs);
+    }
 };
 
 // The newest sample: its fields as received, and its number `seq` and its device time `epoch_us`, whose wraps

@@ -19,7 +19,7 @@ from fltea.identification.axis_report import FileReport
 from fltea.recording.reading import Answer
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import Error
-from fltea.records.stats import LinkStats
+from fltea.records.stats import LinkStats, SampleStats
 from fltea.sinks.log import LogSink
 from fltea.sinks.page import facts
 from fltea.sinks.table import TableSink
@@ -64,7 +64,13 @@ def frames() -> str:
 def info() -> str:
     fields = dict.fromkeys(Summary.__struct_fields__, 0) | dict.fromkeys(("start_unix_ns", "rate_hz"))
     fields |= {"name": NASTY, "device": NASTY, "session": NASTY, "hello": HELLO, "about": NASTY}
-    fields |= {"epochs": {}, "link": LinkStats(), "notes": [NASTY], "unread": [NASTY]}
+    fields |= {
+        "epochs": {},
+        "link": LinkStats(),
+        "counts": SampleStats(0, 0, 0, 0, 0),
+        "notes": [NASTY],
+        "unread": [NASTY],
+    }
     fields["reading"] = [Answer("columns", NASTY, "stated", NASTY)]
     return as_text(Summary(**fields))
 

@@ -29,7 +29,8 @@ def test_info_and_export(tmp_path: Path, kind: str) -> None:
     some = rest.rows(lost)
     path = write_bag(tmp_path / f"a.{kind}", {"/imu": some, "/other": even(20)})
     summary = summarise([path], 100, how=How(topic="/imu"))
-    assert (summary.samples, summary.lost, summary.gaps, summary.whole) == (N - 2, 2, 1, True)
+    counts = summary.counts
+    assert (counts.delivered, counts.lost, counts.gaps, summary.whole) == (N - 2, 2, 1, True)
     assert summary.rate_hz == pytest.approx(200, rel=1e-6)
     text = as_text(summary)
     assert "2023-11-14 22:13:20 UTC" in text

@@ -89,7 +89,7 @@ def test_a_hole_is_read_up_to_and_behind_and_counted(case: Case) -> None:
     assert not found.whole
     assert case.chunks[71][0] - begin == found.damaged_bytes
     assert f"{found.damaged_bytes} bytes of the files cannot be read" in as_text(found)
-    assert found.lost >= gap.missing > 20
+    assert found.counts.lost >= gap.missing > 20
     copy = recover(case.path, in_place=False).out
     assert copy is not None
     assert of(Sample, replay(copy)) == of(Sample, again)

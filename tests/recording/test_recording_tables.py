@@ -246,7 +246,7 @@ def test_a_sum_counts_what_the_live_run_counted(tmp_path: Path) -> None:
     found = summarise(paths, 100)
     assert found.device == "due"
     assert (found.files, found.whole, found.breaks) == (len(files(tmp_path)), True, 0)
-    assert (found.samples, found.lost, found.gaps, found.resets) == (594, 6, 4, 1)
+    assert (found.counts.delivered, found.counts.lost, found.counts.gaps, found.resets) == (594, 6, 4, 1)
     assert found.epochs == {"start": 1, "restart": 1}
     assert found.link == wire.link_stats()
     assert found.size_bytes == sum(path.stat().st_size for path in files(tmp_path))
@@ -274,9 +274,9 @@ def test_a_sum_counts_what_the_live_run_counted(tmp_path: Path) -> None:
 def test_a_sum_names_samples_whose_times_contradict_hello(contradicting: int, tmp_path: Path) -> None:
     live, _ = record(tmp_path, transport(1200, contradicting=contradicting))
     found = summarise(files(tmp_path), 100)
-    assert found.rate_differs >= contradicting - 150
-    assert found.samples == len(of(Sample, live))
-    said = f", {found.rate_differs} whose times contradict the rate of HELLO\n"
+    assert found.counts.rate_differs >= contradicting - 150
+    assert found.counts.delivered == len(of(Sample, live))
+    said = f", {found.counts.rate_differs} whose times contradict the rate of HELLO\n"
     assert said in as_text(found)
 
 

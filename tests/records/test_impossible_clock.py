@@ -64,7 +64,7 @@ def test_what_is_recorded_then_is_read(tmp_path: Path, capsys: pytest.CaptureFix
     record(config, None)
     assert capsys.readouterr().err.count("clock_wrong: the machine's clock shows the year") == 1
     found = summarise(files(tmp_path), 100)
-    assert (found.samples, found.whole, found.start_unix_ns) == (60, True, None)
+    assert (found.counts.delivered, found.whole, found.start_unix_ns) == (60, True, None)
 
 
 def test_each_time_that_the_date_goes_wrong_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from fltea.recording.kind import is_one_file
 from fltea.recording.reading import Answer
 from fltea.records.events import Event, Trouble
 from fltea.records.records import Hello
-from fltea.records.stats import LinkStats
+from fltea.records.stats import LinkStats, SampleStats
 from fltea.records.visible import visible
 from fltea.settings.duration import Duration
 from fltea.settings.how import AS_IT_SAYS, How
@@ -24,6 +24,9 @@ from fltea.stream.decode import Decoded, Decoder
 if TYPE_CHECKING:
     from fltea.sources.mcap import McapRecording
 
+
+OF_SAMPLES = {"delivered": "samples"}
+"""Names of counts of samples in the summary as JSON, if they have another name in the `stats` record."""
 
 OF_A_FILE = "recording"
 """What the summary gives as the sampling mode of a file that another program wrote."""
@@ -38,13 +41,13 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     in these gaps. `damaged_bytes`: unreadable bytes in the files. `missing`: text that says which files
     before the first one are missing. `being_written`: whether a program is still writing the recording.
     `epochs`: number of epochs (stretches of samples without a restart) by the reason for their beginning.
-    `samples`, `lost`, `gaps`, `duplicates`, `before_hello`, `rate_differs`: the counts of these names in the
-    `stats` record. `steps`, `motions`: number of bias steps and of motions in the records; None if there are
-    no such records. `resets`: number of times that the device booted again after its first boot. `rate_hz`,
-    `clock_ppm`: sampling rate [Hz] and clock deviation [ppm] in the longest epoch. `notes`: texts of the
-    `error` records that reading caused. `unread`: why files were not, or not completely, read. `about`:
-    further description that the file contains. `reading`: the answers (units, columns, rate) by which another
-    program's file was read.
+    `counts`: the counts of samples in the `stats` record; `fltea info --json` prints each as a field of its
+    own, `delivered` as `samples`. `steps`, `motions`: number of bias steps and of motions in the records;
+    None if there are no such records. `resets`: number of times that the device booted again after its first
+    boot. `rate_hz`, `clock_ppm`: sampling rate [Hz] and clock deviation [ppm] in the longest epoch. `notes`:
+    texts of the `error` records that reading caused. `unread`: why files were not, or not completely, read.
+    `about`: further description that the file contains. `reading`: the answers (units, columns, rate) by
+    which another program's file was read.
     """
 
     name: str
@@ -57,12 +60,7 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     breaks: int
     start_unix_ns: int | None
     duration_s: float
-    samples: int
-    lost: int
-    gaps: int
-    duplicates: int
-    before_hello: int
-    rate_differs: int
+    counts: SampleStats
     resets: int
     epochs: dict[str, int]
     rate_hz: float | None
@@ -106,7 +104,7 @@ def summarise(
     tally = _Tally(source, None if part is None else part.device, max_gap)
     for event in source.events():
         tally.take(event)
-    count, first_ns, longest = tally.decoder.counts, tally.first_ns, tally.longest
+    first_ns, longest = tally.first_ns, tally.longest
     unread = mcap.unread if mcap else []
     # for fltea's own files, other fields of the summary state the faults
     troubles = tally.troubles if mcap is None else []
@@ -123,12 +121,7 @@ def summarise(
         breaks=mcap.losses.breaks if mcap else 0,
         start_unix_ns=first_ns if source.unix_offset_ns else None,
         duration_s=0.0 if first_ns is None else (tally.last_ns - first_ns) * 1e-9,
-        samples=count.delivered,
-        lost=count.lost,
-        gaps=count.gaps,
-        duplicates=count.duplicates,
-        before_hello=count.before_hello,
-        rate_differs=count.rate_differs,
+        counts=tally.decoder.counts,
         resets=max(0, len(tally.boots) - 1),
         epochs=dict(tally.epochs),
         rate_hz=longest.rate_hz,
@@ -222,6 +215,14 @@ def _size_bytes(path: Path) -> int:
     return sum(file.stat().st_size for file in files)
 
 
+def as_json(s: Summary) -> bytes:
+    """Return the summary as a JSON object, in which each count of samples is a field of its own."""
+    fields: dict[str, Any] = {}
+    for name, value in msgspec.to_builtins(s).items():
+        fields |= {OF_SAMPLES.get(k, k): n for k, n in value.items()} if name == "counts" else {name: value}
+    return msgspec.json.encode(fields)
+
+
 def as_text(s: Summary) -> str:
     """Return the summary as text, with one line for each fact."""
     lines: list[tuple[str, Any]] = [("recording", s.name)]
@@ -238,10 +239,11 @@ def as_text(s: Summary) -> str:
         start = datetime.fromtimestamp(s.start_unix_ns * 1e-9, UTC)
         lines.append(("start", f"{start:%Y-%m-%d %H:%M:%S} UTC"))
     lines.append(("duration", _duration(s.duration_s)))
-    early = "" if is_foreign else f", {s.before_hello} before a HELLO"
-    if s.rate_differs:
-        early += f", {s.rate_differs} whose times contradict the rate of HELLO"
-    lines.append(("samples", f"{s.samples}, {s.lost} lost in {s.gaps} gaps{early}"))
+    counts = s.counts
+    early = "" if is_foreign else f", {counts.before_hello} before a HELLO"
+    if counts.rate_differs:
+        early += f", {counts.rate_differs} whose times contradict the rate of HELLO"
+    lines.append(("samples", f"{counts.delivered}, {counts.lost} lost in {counts.gaps} gaps{early}"))
     reasons = ", ".join(f"{count} x {reason}" for reason, count in s.epochs.items()) or "none"
     if not is_foreign or reasons != "1 x start":
         lines.append(("epochs", reasons))

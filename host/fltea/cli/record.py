@@ -78,9 +78,7 @@ def info(
 
         fltea info --json recordings/due_20270801T120000Z_1f0c2b3a
     """
-    import msgspec
-
-    from fltea.archive.info import as_text, sessions, summarise
+    from fltea.archive.info import as_json, as_text, sessions, summarise
 
     config = load_config(None, settings)
     failures: list[FlteaError] = []
@@ -91,7 +89,7 @@ def info(
             failures.append(error)
             continue
         if json:
-            print(escaped(msgspec.json.encode(summary).decode()))
+            print(escaped(as_json(summary).decode()))
         else:
             print_lines(("\n" if number else "") + as_text(summary))
         if summary.unread:

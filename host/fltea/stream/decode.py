@@ -138,8 +138,7 @@ class Decoder:
     @property
     def counts(self) -> SampleStats:
         """The numbers of samples that were used, lost and dropped until now."""
-        delivered, lost, gaps, duplicates, before_hello, rate_differs = self.native.counts
-        return SampleStats(delivered, lost, gaps, duplicates, before_hello, rate_differs)
+        return SampleStats(**self.native.counts)
 
     def on_hello(self, hello: Hello) -> bool:
         """Take over a HELLO, and return whether it is new.
