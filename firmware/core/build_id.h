@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "dcca16fd";
+constexpr char kBuildId[] = "ffc26492";
 
 }  // namespace fltea

@@ -692,9 +692,9 @@ class WhittleFits:
         rows: NDArray[np.float64],
     ) -> None: ...
 
-# The table of parts, in the order of their numbers: name, coordinates (what each is, lowest and highest
+# The table of parts, in the order of their numbers: name, free parameters (what each is, lowest and highest
 # value), traits, the question of the verdict to which the part is the answer, and what BIC counts beside the
-# coordinates.
+# free parameters.
 def noise_parts() -> list[tuple[str, list[tuple[str, float, float]], list[str], str, int]]: ...
 
 # Number of the mean of m samples, less m.

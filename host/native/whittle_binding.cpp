@@ -212,22 +212,21 @@ class Fitted {
 // the part's name; its free parameters, each with kind of value, lowest and highest value; its traits; the
 // question of the verdict that the part answers; and the number of further parameters of which a search tries
 // many values.
-using RawCoordinate = std::tuple<std::string, double, double>;
-using RawRow =
-    std::tuple<std::string, std::vector<RawCoordinate>, std::vector<std::string>, std::string, int>;
+using RawParameter = std::tuple<std::string, double, double>;
+using RawRow = std::tuple<std::string, std::vector<RawParameter>, std::vector<std::string>, std::string, int>;
 
 std::vector<RawRow> noise_parts() {
     std::vector<RawRow> found;
     for (const Row& row : kTable) {
-        std::vector<RawCoordinate> coordinates;
-        for (int k = 0; k < row.coordinates.count; ++k) {
-            const Coordinate& one = row.coordinates.at[k];
-            coordinates.emplace_back(name_of(one.value), one.low, one.high);
+        std::vector<RawParameter> free_parameters;
+        for (int k = 0; k < row.free_parameters.count; ++k) {
+            const FreeParameter& one = row.free_parameters.at[k];
+            free_parameters.emplace_back(name_of(one.value), one.low, one.high);
         }
         std::vector<std::string> traits;
         for (unsigned bit = 1; bit <= row.traits; bit <<= 1)
             if (row.is(bit)) traits.emplace_back(name_of(static_cast<Trait>(bit)));
-        found.emplace_back(row.name, coordinates, traits, name_of(row.says), row.sought);
+        found.emplace_back(row.name, free_parameters, traits, name_of(row.says), row.sought);
     }
     return found;
 }

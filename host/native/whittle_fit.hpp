@@ -37,9 +37,9 @@ inline void bounds_of(const Term& term, const Bins& bins, double slowest, double
     const double power = std::log(bins.mean), least = power - kSmallest, most = power + kLargest;
     const double slow = std::log(bins.lowest / slowest), top = std::log(kPi);
     const double by_h = 4 * std::fabs(bins.log_h);
-    const Coordinates& own = row_of(term.part).coordinates;
+    const FreeParameters& own = row_of(term.part).free_parameters;
     for (int k = 0; k < own.count; ++k) {
-        const Coordinate& one = own.at[k];
+        const FreeParameter& one = own.at[k];
         const auto set = [&](double from, double to) {
             low[k] = from;
             high[k] = to;

@@ -119,19 +119,19 @@ inline const char* name_of(Value value) {
     return "";
 }
 
-struct Coordinate {
+struct FreeParameter {
     Value value;
     double low, high;
 };
 
-struct Coordinates {
+struct FreeParameters {
     int count;
-    Coordinate at[3];
+    FreeParameter at[3];
 
-    constexpr Coordinates() : count(0), at{{kNumber, 0, 0}, {kNumber, 0, 0}, {kNumber, 0, 0}} {}
-    constexpr Coordinates(Coordinate a) : count(1), at{a, {kNumber, 0, 0}, {kNumber, 0, 0}} {}
-    constexpr Coordinates(Coordinate a, Coordinate b) : count(2), at{a, b, {kNumber, 0, 0}} {}
-    constexpr Coordinates(Coordinate a, Coordinate b, Coordinate c) : count(3), at{a, b, c} {}
+    constexpr FreeParameters() : count(0), at{{kNumber, 0, 0}, {kNumber, 0, 0}, {kNumber, 0, 0}} {}
+    constexpr FreeParameters(FreeParameter a) : count(1), at{a, {kNumber, 0, 0}, {kNumber, 0, 0}} {}
+    constexpr FreeParameters(FreeParameter a, FreeParameter b) : count(2), at{a, b, {kNumber, 0, 0}} {}
+    constexpr FreeParameters(FreeParameter a, FreeParameter b, FreeParameter c) : count(3), at{a, b, c} {}
 };
 
 // Columns of the bins that only some noise parts need in order to compute their spectra (Columns in
@@ -246,12 +246,12 @@ struct Row {
     // Number of parameters of which a search tries many values in addition to those that a fit changes, such
     // as the number m of samples in a mean. The criterion BIC counts them as free parameters, too.
     int sought;
-    Coordinates coordinates;
+    FreeParameters free_parameters;
     Starts starts;
 
     // Rows are made with a constructor, so that the compiler rejects a row in which a column is missing.
     constexpr Row(Part number, const char* called, unsigned is, Says tells, unsigned read, int at_most,
-                  int tried, Coordinates free, Starts from)
+                  int tried, FreeParameters free, Starts from)
         : part(number),
           name(called),
           traits(is),
@@ -259,21 +259,21 @@ struct Row {
           columns(read),
           most(at_most),
           sought(tried),
-          coordinates(free),
+          free_parameters(free),
           starts(from) {}
     constexpr bool is(unsigned trait) const { return (traits & trait) != 0; }
 };
 
-constexpr Coordinate kOfLevel{kLevel, 0, 0}, kOfPower{kPower, 0, 0}, kOfRate{kRate, 0, 0},
+constexpr FreeParameter kOfLevel{kLevel, 0, 0}, kOfPower{kPower, 0, 0}, kOfRate{kRate, 0, 0},
     kOfPole{kPole, 0, 0};
-constexpr Coordinate kOfOrder{kAlpha, 0, kHighestOrder}, kOfLogit{kShape, -kLogitEnd, kLogitEnd};
-constexpr Coordinate kOfD{kAlpha, 0, 1};
+constexpr FreeParameter kOfOrder{kAlpha, 0, kHighestOrder}, kOfLogit{kShape, -kLogitEnd, kLogitEnd};
+constexpr FreeParameter kOfD{kAlpha, 0, 1};
 
 // clang-format off
 constexpr Row kTable[] = {
     // The columns of a row, in the order in which they stand on its two lines:
     // part, name, traits,
-    //     says, columns, most, sought, coordinates, starts
+    //     says, columns, most, sought, free_parameters, starts
     {kWhite, "white", kEntry,
         kNothing, kNoColumn, 1, 0, {kOfLevel}, {kNever}},
     {kRelaxation, "relaxation", kSlow | kEntry,
@@ -321,11 +321,11 @@ static_assert(in_order(), "the rows of kTable are in the order of the enum Part"
 
 inline const Row& row_of(Part part) { return kTable[part]; }
 inline bool filters(Part part) { return row_of(part).is(kFilter); }
-inline int free_of(Part part) { return row_of(part).coordinates.count; }
+inline int free_of(Part part) { return row_of(part).free_parameters.count; }
 
 // Returns the index of the free parameter that is the logarithm of a part's power, or -1 if there is none.
 inline int power_of(Part part) {
-    const Coordinates& own = row_of(part).coordinates;
+    const FreeParameters& own = row_of(part).free_parameters;
     for (int k = 0; k < own.count; ++k)
         if (own.at[k].value == kLevel || own.at[k].value == kPower) return k;
     return -1;

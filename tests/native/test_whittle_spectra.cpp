@@ -65,7 +65,7 @@ TEST_CASE(
         Numbers part(bins.size()), spare(3 * bins.size());
         double* slope[3] = {spare.data(), spare.data() + bins.size(), spare.data() + 2 * bins.size()};
         const std::vector<double> eta = inside(row.part, 0.5, 0.6, 0.7);
-        REQUIRE(eta.size() == static_cast<std::size_t>(row.coordinates.count));
+        REQUIRE(eta.size() == static_cast<std::size_t>(row.free_parameters.count));
         REQUIRE(bins.kernel->term(columns, Term{row.part, 3}, eta.data(), part.data(), slope));
         for (const double one : part) REQUIRE(std::isfinite(one));
         for (const double one : spare) REQUIRE(std::isfinite(one));

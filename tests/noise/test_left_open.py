@@ -46,7 +46,7 @@ def test_the_level_of_white_noise_is_known_by_the_root_of_two_over_the_samples()
     assert math.log(more[0].R / less[0].R) / 2 == pytest.approx(math.sqrt(2 / 10_000), rel=0.02)
 
 
-def test_there_are_as_many_directions_as_coordinates() -> None:
+def test_there_are_as_many_directions_as_free_parameters() -> None:
     parts = [p.White(R), p.Relaxation(0.3, 5.0), NEARLY_WHITE, p.Mean(3)]
     both = list(nearby(parts, H, 10_000))
     assert len(both) == 6

@@ -40,7 +40,7 @@ def test_spectra_are_those_of_closed_forms(kind: str, data: st.DataObject) -> No
 
 @kinds
 @given(st.data())
-def test_coordinates_are_those_of_the_part(kind: str, data: st.DataObject) -> None:
+def test_free_parameters_are_those_of_the_part(kind: str, data: st.DataObject) -> None:
     part = data.draw(PARTS[kind])
     eta = part.eta(H)
     assert len(eta) == p.free_of(part.code)

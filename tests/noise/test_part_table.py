@@ -54,7 +54,7 @@ def test_a_part_has_all_that_a_model_asks_of_it(kind: type[Part]) -> None:
     missing = [name for name in needed if not defines(kind, name)]
     assert not missing, f"{kind.__module__}.{kind.__name__} lacks {', '.join(missing)}"
     row = kind.row()
-    assert len(row.coordinates) == len(kind.__struct_fields__) - (kind is p.Mean), row
+    assert len(row.free_parameters) == len(kind.__struct_fields__) - (kind is p.Mean), row
     assert row.says != "nothing" or kind in (p.White, p.Floor), f"the row of {row.name} says nothing"
 
 
@@ -127,7 +127,7 @@ def test_a_part_is_in_the_documentation(kind: type[Part]) -> None:
     assert re.search(rf"^\| {kind.tag()}\b", text, re.MULTILINE), f"no row for {kind.tag()} in grammar.md"
 
 
-def test_other_coordinates_are_of_a_part_and_of_no_file() -> None:
+def test_other_free_parameters_are_of_a_part_and_of_no_file() -> None:
     others = {row.name for row in ROWS if "other" in row.traits}
     assert others == {"order by F", "order by f", "order by Q", "arfima by s2"}
     assert not others & {kind.tag() for kind in p.CODES}

@@ -30,7 +30,7 @@ usual free parameters, and the same parameters in this form.
 
 
 @pytest.mark.parametrize("code", list(OTHERS))
-def test_other_coordinates_give_the_same_spectrum_with_their_own_slopes(code: int) -> None:
+def test_other_free_parameters_give_the_same_spectrum_with_their_own_slopes(code: int) -> None:
     data = bins((p.White(1.0),), 20_000, H, None)
     fits, size = native(data, H, 20_000), len(data.lam)
 

@@ -25,7 +25,7 @@ def test_each_published_interval_has_a_row_or_a_reason() -> None:
     assert all(one.why for one in FIGURES.values() if isinstance(one, Elsewhere))
 
 
-FITTED = [kind for kind in p.CODES if kind.row().coordinates]
+FITTED = [kind for kind in p.CODES if kind.row().free_parameters]
 """Kinds of parts with free parameters, which have intervals."""
 
 

@@ -41,8 +41,8 @@ const double kLeastDifference = 0.15, kMostDifference = 0.85;
 template <class R>
 struct Share {
     R value, slope;
-    explicit Share(R coordinate) {
-        value = 1 / (1 + math::exp(-coordinate));
+    explicit Share(R parameter) {
+        value = 1 / (1 + math::exp(-parameter));
         slope = value * (1 - value);
     }
 };
@@ -150,8 +150,8 @@ struct Mapped {
 };
 
 template <class R>
-void map_pole(R coordinate, R& pole, R& slope) {
-    const Share<R> share(coordinate);
+void map_pole(R parameter, R& pole, R& slope) {
+    const Share<R> share(parameter);
     pole = 2 * share.value - 1;
     slope = 2 * share.slope;
 }
@@ -159,8 +159,8 @@ void map_pole(R coordinate, R& pole, R& slope) {
 // Computes the two variances of a model with one part and white noise. They add up to 1. `coordinate`: logit
 // of the part's variance, which is the last free parameter.
 template <class R>
-void map_weight(R coordinate, int row, int column, Mapped<R>& out) {
-    const Share<R> share(coordinate);
+void map_weight(R parameter, int row, int column, Mapped<R>& out) {
+    const Share<R> share(parameter);
     out.natural.variance[0] = share.value;
     out.natural.white = 1 - share.value;
     out.chain[row][column] = 1 - share.value;

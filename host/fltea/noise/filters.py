@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from fltea import _native
-from fltea.noise import coordinates as co
+from fltea.noise import free_parameters as free
 from fltea.noise import pole_sets
 from fltea.noise.part import Part, in_hz
 from fltea.records.arrays import Complex
@@ -33,11 +33,11 @@ class LowPass(Part, frozen=True, tag="low-pass"):
     def eta(self, h: float) -> list[float]:
         # The free parameters are log λ², for λ of the corner frequency, and the logit of where the number of
         # poles lies from 1 to the largest number.
-        return [2 * co.log_lam(self.corner_hz, h), co.logit_of_poles(self.poles)]
+        return [2 * free.log_lam(self.corner_hz, h), free.logit_of_poles(self.poles)]
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        return cls(co.hz(eta[0] / 2, h), co.poles_of_logit(eta[1]))
+        return cls(free.hz(eta[0] / 2, h), free.poles_of_logit(eta[1]))
 
     def words(self, rate_hz: float) -> str:
         where = f"at {in_hz(self.corner_hz)}"
@@ -65,12 +65,12 @@ class HighPass(Part, frozen=True, tag="high-pass"):
         # The free parameters are log |1 - e^{-iλ}|² at the corner frequency, and the logit of where the
         # number of poles lies from 1 to the largest number.
         size = 2 * math.sin(min(math.pi * self.corner_hz * h, math.pi / 2))
-        return [2 * co.log(size), co.logit_of_poles(self.poles)]
+        return [2 * free.log(size), free.logit_of_poles(self.poles)]
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
         sine = min(math.exp(eta[0] / 2) / 2, 1.0)
-        return cls(math.asin(sine) / (math.pi * h), co.poles_of_logit(eta[1]))
+        return cls(math.asin(sine) / (math.pi * h), free.poles_of_logit(eta[1]))
 
     def words(self, rate_hz: float) -> str:
         return f"a high-pass with its corner at {in_hz(self.corner_hz)} ({_steepness(self.poles)})"
@@ -111,11 +111,11 @@ class Notch(Part, frozen=True, tag="notch"):
     def eta(self, h: float) -> list[float]:
         # The free parameters are the logarithms of the frequency λ and of the ratio of the width to the
         # frequency.
-        return [co.log_lam(self.frequency_hz, h), co.log(self.width_hz / self.frequency_hz)]
+        return [free.log_lam(self.frequency_hz, h), free.log(self.width_hz / self.frequency_hz)]
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        return cls(co.hz(eta[0], h), co.hz(eta[0], h) * math.exp(eta[1]))
+        return cls(free.hz(eta[0], h), free.hz(eta[0], h) * math.exp(eta[1]))
 
     def words(self, rate_hz: float) -> str:
         return f"a notch at {in_hz(self.frequency_hz)}"

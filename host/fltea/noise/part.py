@@ -17,7 +17,7 @@ SIGNED = ("f", "s", "d")
 """Names of those parameters of noise parts whose values may be below 0."""
 
 
-class Coordinate(NamedTuple):
+class FreeParameter(NamedTuple):
     """A free (transformed) parameter of a part in the native fits."""
 
     kind: str
@@ -33,7 +33,7 @@ class Row(NamedTuple):
     code: int
     """The number of this kind of part in the native table."""
     name: str
-    coordinates: tuple[Coordinate, ...]
+    free_parameters: tuple[FreeParameter, ...]
     traits: frozenset[str]
     """Traits of the part: names of the enum `Trait` of the native table."""
     says: str
@@ -46,12 +46,14 @@ class Row(NamedTuple):
     """
 
 
-def _row(code: int, name: str, coordinates: list[tuple[str, float, float]], *rest: object) -> Row:
+def _row(code: int, name: str, free_parameters: list[tuple[str, float, float]], *rest: object) -> Row:
     traits, says, sought = rest
     assert isinstance(traits, list)
     assert isinstance(says, str)
     assert isinstance(sought, int)
-    return Row(code, name, tuple(Coordinate(*one) for one in coordinates), frozenset(traits), says, sought)
+    return Row(
+        code, name, tuple(FreeParameter(*one) for one in free_parameters), frozenset(traits), says, sought
+    )
 
 
 ROWS: tuple[Row, ...] = tuple(_row(code, *one) for code, one in enumerate(_native.noise_parts()))

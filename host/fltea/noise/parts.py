@@ -20,15 +20,15 @@ from typing import Self, get_args
 import numpy as np
 
 from fltea import _native
-from fltea.noise import coordinates as co
+from fltea.noise import free_parameters as free
 from fltea.noise import pole_sets
-from fltea.noise.coordinates import g_of_eta
 from fltea.noise.filters import MEAN_FROM as MEAN_FROM
 from fltea.noise.filters import HighPass as HighPass
 from fltea.noise.filters import LowPass as LowPass
 from fltea.noise.filters import Mean as Mean
 from fltea.noise.filters import Notch as Notch
 from fltea.noise.filters import Sharpening as Sharpening
+from fltea.noise.free_parameters import g_of_eta
 from fltea.noise.part import ROWS, in_hz
 from fltea.noise.part import Part as Part
 from fltea.noise.spectra import f_of, g_of, noise_variance, stationary, step_variance
@@ -41,7 +41,7 @@ class _Level(Part, frozen=True):
     R: float
 
     def eta(self, h: float) -> list[float]:
-        return [co.log(self.R)]
+        return [free.log(self.R)]
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
@@ -65,7 +65,7 @@ class _Decaying(Part, frozen=True):
     tau_s: float
 
     def eta(self, h: float) -> list[float]:
-        return [co.log(self.sigma**2), co.log(h / self.tau_s)]
+        return [free.log(self.sigma**2), free.log(h / self.tau_s)]
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
@@ -102,7 +102,7 @@ class Walk(Part, frozen=True, tag="walk"):
     K: float
 
     def eta(self, h: float) -> list[float]:
-        return [co.log(self.K**2 * h)]
+        return [free.log(self.K**2 * h)]
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
@@ -129,7 +129,7 @@ class Order(Part, frozen=True, tag="order"):
         g = g_of(self.alpha, self.f, h)
         if not stationary(self.alpha, g):
             raise ValueError(f"α = {self.alpha:g}, f = {self.f:g} is not stationary at h = {h:g} s")
-        return [self.alpha, co.logit(-g / 2**self.alpha), co.log(step_variance(self.alpha, self.Q, h))]
+        return [self.alpha, free.logit(-g / 2**self.alpha), free.log(step_variance(self.alpha, self.Q, h))]
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
@@ -160,7 +160,7 @@ class Arfima(Part, frozen=True, tag="arfima"):
     def eta(self, h: float) -> list[float]:
         # The free parameters are d, log(-log φ) for the AR coefficient φ, and log(s2 / (1 - φ)²).
         rate = math.log(-math.log(max(self.phi, 1e-6)))
-        return [self.d, rate, co.log(self.s2) - 2 * math.log1p(-self.phi)]
+        return [self.d, rate, free.log(self.s2) - 2 * math.log1p(-self.phi)]
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
@@ -189,12 +189,12 @@ class Resonance(Part, frozen=True, tag="resonance"):
     width_hz: float
 
     def eta(self, h: float) -> list[float]:
-        half = co.log(self.width_hz / 2 / self.frequency_hz)
-        return [co.log(self.height), co.log_lam(self.frequency_hz, h), half]
+        half = free.log(self.width_hz / 2 / self.frequency_hz)
+        return [free.log(self.height), free.log_lam(self.frequency_hz, h), half]
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        return cls(math.exp(eta[0]), co.hz(eta[1], h), 2 * co.hz(eta[1], h) * math.exp(eta[2]))
+        return cls(math.exp(eta[0]), free.hz(eta[1], h), 2 * free.hz(eta[1], h) * math.exp(eta[2]))
 
     def words(self, rate_hz: float) -> str:
         return f"a resonance at {in_hz(self.frequency_hz)}"
@@ -216,7 +216,7 @@ class Quantisation(Part, frozen=True, tag="quantisation"):
     Q: float
 
     def eta(self, h: float) -> list[float]:
-        return [co.log((self.Q / h) ** 2)]
+        return [free.log((self.Q / h) ** 2)]
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
@@ -236,7 +236,7 @@ class Rise(Part, frozen=True, tag="rise"):
     delta: float
 
     def eta(self, h: float) -> list[float]:
-        return [co.log(self.power), self.delta]
+        return [free.log(self.power), self.delta]
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
@@ -302,7 +302,7 @@ def kind_of(code: int) -> type[Part]:
 
 def free_of(code: int) -> int:
     """Return the number of free parameters of the kind of part that this code number stands for."""
-    return 0 if code >= MEAN_FROM else len(ROWS[code].coordinates)
+    return 0 if code >= MEAN_FROM else len(ROWS[code].free_parameters)
 
 
 def high_pass_of(parts: Iterable[Part]) -> HighPass | None:

@@ -64,7 +64,7 @@ def estimated(f: CandidateModels, model: FittedModel) -> tuple[Estimated, ...]:
 
 def _limits(f: CandidateModels, code: int, k: int, here: float, side: int) -> tuple[float, float]:
     """Return the value at which the search for an end of an interval stops, and the search's first step."""
-    one = ROWS[code].coordinates[k]
+    one = ROWS[code].free_parameters[k]
     match one.kind:
         case "rate":
             lowest = float(f.data.lam[0])

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from fltea.noise.coordinates import g_of_eta
+from fltea.noise.free_parameters import g_of_eta
 from fltea.noise.parts import Arfima, Order, free_of, kind_of, part_of
 from fltea.noise.spectra import f_of
 from fltea.records.fit import Interval

@@ -265,7 +265,7 @@ def _is_skirt(part: Part, peaks: Sequence[Peak]) -> bool:
             hz = part.corner_hz
         case _:
             # Only a filter with free parameters can adapt to the skirts of a resonance.
-            shaped = part.row().says == "colour" and part.row().coordinates
+            shaped = part.row().says == "colour" and part.row().free_parameters
             return bool(shaped) and any(peak.kind == "resonance" for peak in strong)
     return any(
         1 / reach < hz / peak.frequency_hz < reach

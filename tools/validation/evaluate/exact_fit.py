@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from fltea.noise import spectra
-from fltea.noise.coordinates import g_of_eta
+from fltea.noise.free_parameters import g_of_eta
 from fltea.records.arrays import Array
 from fltea.spectrum.candidate_models import native, order_in_white
 from fltea.spectrum.intervals import CRITICAL
