@@ -27,6 +27,10 @@ FEEDBACKS = (0.02, 0.05, 0.08, 0.2, 0.4)
 """The simulated values of -g / 2^α, where g = h^α f and h is the sampling period: they reach from 0 (a state
 that never forgets) to 1 (the limit of stationarity).
 """
+NEARLY_ZERO = 1e-4
+"""Ratio of R to the variance of the steps of the state, in place of 0. With 1e-8 the correlations differ by
+at most 0.0001.
+"""
 NAMES = ("alpha", "f", "F")
 CORRELATIONS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 1.0)
 DRAWN = 1_000_000
@@ -68,14 +72,13 @@ def correlated(n: int) -> list[Row]:
 
 
 def correlations(alpha: float, g: float, n: int) -> dict[str, float]:
-    """Return the correlations of α, f, F and s2 with R at R = 0, by the Fisher information of n samples.
+    """Return the correlations of α, f, F and s2 with R, by the Fisher information of n samples.
 
-    R is the variance of the white noise.
-
+    They are taken at R = `NEARLY_ZERO` for s2 = 1, since the slopes are those by log R, which R = 0 has not.
     g = h^α f, where h is the sampling period; F = g + α; s2 is the variance of the steps of the state.
     """
     lam = 2 * np.pi * used_ordinates(n, 1.0) / n
-    slopes = log_slopes(lam, alpha, g, 1.0, 1e-4)
+    slopes = log_slopes(lam, alpha, g, 1.0, NEARLY_ZERO)
     spread = np.linalg.inv(slopes @ slopes.T)
     f = spectrum.f_of(alpha, g, H)
     rows = np.array([[1, 0, 0, 0], [-f * np.log(H), f / g, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0]])

@@ -59,13 +59,10 @@ class Wanted(NamedTuple):
         alike = self.columns is not None and len(fields) == len(self.columns)
         return self.time is None and alike and all(map(is_number, fields))
 
-    def lacking(self, header: Sequence[str] | None, line: str = "") -> str:
-        """Return a text that says which of the user's columns a header lacks.
-
-        `line`: if there is no header, the text says "no header", followed by these words.
-        """
+    def lacking(self, header: Sequence[str] | None) -> str:
+        """Return a text that says which of the user's columns a header lacks; None if there is no header."""
         lacking = [name for name in self.names if header is None or name not in header]
-        has = f"no header{line}" if header is None else listed(header)
+        has = "no header" if header is None else listed(header)
         return f"no column {', '.join(lacking)} (it has: {has})"
 
 
