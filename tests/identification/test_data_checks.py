@@ -13,6 +13,7 @@ from fltea.spectrum.spectral_lines import find_peaks
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import structs
+from scipy.ndimage import median_filter
 
 from tests.rig.identify_support import H, ar, long_recursion, white
 
@@ -62,6 +63,14 @@ def test_no_data_check_at_any_scale(seed: int, scale: float, coarse: float) -> N
     wanted = {"quantisation"} if y.std() < 2 * coarse else set()
     assert set(kinds(y * scale, coarse * scale)) == wanted
     assert held([y * scale], [coarse * scale], H) == ()
+
+
+@pytest.mark.parametrize("window", [3, 5])
+def test_a_median_filter(window: int) -> None:
+    y = median_filter(counts(white(LONG, 1, 1)[0]), window)
+    assert kinds(y)["median filter"] == "warning"
+    (data_check,) = (one for one in axis_data_checks(y, H) if one.kind == "median filter")
+    assert f"a median filter of about {window} samples" in data_check.text
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -100,6 +100,7 @@ def test_popcorn_noise_is_named_and_what_is_between_is_white(seed: int, size: fl
     (text,) = told(found)
     assert text.startswith("Popcorn noise: the bias steps between two levels 0.")
     assert f"and {len(found.bias_steps) - 3} more." in text
+    assert "bias steps" in [data_check.kind for data_check in found.data_checks]
 
 
 @pytest.mark.parametrize("seed", [1, 4])
