@@ -10,6 +10,7 @@ import os
 import runpy
 import signal
 import sys
+import time
 from collections.abc import Generator
 from pathlib import Path
 
@@ -22,6 +23,21 @@ from tests.rig.tiers import LATER_TIERS, names_a_tier
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORDINGS = ROOT.parent / "shared/recordings"
+
+
+BEGAN_S = time.monotonic()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option by which `make near` ends in time."""
+    parser.addoption("--no-test-after", type=float, metavar="SECONDS", help="skip tests that begin later")
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip a test that would begin later than `--no-test-after` permits."""
+    limit_s = item.config.option.no_test_after
+    if limit_s is not None and time.monotonic() - BEGAN_S > limit_s:
+        pytest.skip(f"more than {limit_s:g} s have passed; `make test` runs this test")
 
 
 def pytest_configure() -> None:

@@ -1,5 +1,8 @@
 """Checks the files that were changed: their style and types, the generated files, and the tests for them.
 
+It ends at the first of these that fails. The tests nearest to the change run first: those that were changed,
+then those that import what was changed. After `TESTS_S` the rest is left out, and counted as skipped.
+
 The changed files are those that differ from `origin/main` (without such a branch: from the commit before the
 last one), and those that git does not track yet. Usage:
 python -m tools.near [--since COMMIT] [--dry-run]; `make near`.
@@ -18,9 +21,9 @@ ROOT = Path(__file__).resolve().parents[1]
 CXX = {".cpp", ".hpp", ".h"}
 ENGINE = ("native", "spectrum", "estimator", "wire")
 """Folders below tests/ with the tests of the native module and of the engine's headers."""
-ALSO = {"cli": ("site",), "settings": ("site", "cli")}
+ALSO = {"cli": ("site",), "diagnostics": ("machine",), "settings": ("site", "cli")}
 """For some packages of the host: further folders below tests/ with tests of the package. The package's own
-tests are in the folder that has its name.
+tests are in the folder that has its name, if there is one.
 """
 TESTS_OF = {
     "host/native/": ENGINE,
@@ -49,6 +52,9 @@ MOST_USERS = 8
 run only when all tests run.
 """
 
+TESTS_S = 75
+"""Time after which no further test begins [s]. `make test` runs all of them."""
+
 MOST_SAID = 4
 """Largest number of files of a command that are printed by name. If there are more, only their number is
 printed.
@@ -71,6 +77,8 @@ class Plan(NamedTuple):
     """Changed helper modules that more than MOST_USERS test files use. `make near` does not run these test
     files.
     """
+    changed: list[str]
+    """All changed and deleted files."""
 
 
 def plan(files: Iterable[str], gone: Iterable[str] = (), users: Users = lambda _: []) -> Plan:
@@ -92,7 +100,32 @@ def plan(files: Iterable[str], gone: Iterable[str] = (), users: Users = lambda _
         sorted(types),
         sorted(test for test in tests if str(Path(test).parent) not in tests),
         left_out,
+        everything,
     )
+
+
+def nearest_first(tests: Iterable[str], changed_files: Sequence[str]) -> list[str]:
+    """Return test files, also those of folders: the changed ones, then those that import a changed file."""
+    forms = [importing(name) for name in changed_files if name.endswith(".py")]
+    imports = re.compile("|".join(forms) or "(?!)")
+    files: set[Path] = set()
+    for test in tests:
+        path = ROOT / test
+        files |= {*path.rglob("test_*.py")} if path.is_dir() else {path}
+
+    def rank(path: Path) -> tuple[bool, bool, str]:
+        name = path.relative_to(ROOT).as_posix()
+        text = path.read_text(encoding="utf-8") if path.is_file() else ""
+        return name not in changed_files, not imports.search(text), name
+
+    return [path.relative_to(ROOT).as_posix() for path in sorted(files, key=rank)]
+
+
+def importing(name: str) -> str:
+    """Return a regular expression that finds an import of a Python file."""
+    module = name.removeprefix("host/").removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+    package, _, last = module.rpartition(".")
+    return rf"\b{re.escape(module)}\b|\bfrom {re.escape(package)} import .*\b{re.escape(last)}\b"
 
 
 def tests_of(name: str, users: Users) -> list[str]:
@@ -100,7 +133,8 @@ def tests_of(name: str, users: Users) -> list[str]:
     path = Path(name)
     match path.parts:
         case ("host", "fltea", room, _, *_):
-            return [f"tests/{one}" for one in (room, *ALSO.get(room, ()))]
+            folders = [f"tests/{one}" for one in (room, *ALSO.get(room, ()))]
+            return [folder for folder in folders if (ROOT / folder).is_dir()]
         case ("tests", "rig", _, *_):
             return users(path.stem)
         case ("tests", folder, file, *_):
@@ -169,9 +203,13 @@ def commands(wanted: Plan) -> list[list[str]]:
         found.append([clang, "--dry-run", "-Werror", *wanted.cxx])
     if wanted.types:
         found.append([sys.executable, "-m", "mypy", *wanted.types])
-    tests = [*wanted.tests, *(OF_ALL_CODE if wanted.python or wanted.cxx else ())]
+    tests = [
+        *(OF_ALL_CODE if wanted.python or wanted.cxx else ()),
+        *nearest_first(wanted.tests, wanted.changed),
+    ]
     if tests:
-        found.append(["make", "--no-print-directory", "test", f"ARGS=-q {' '.join(tests)}"])
+        words = " ".join(dict.fromkeys(tests))
+        found.append(["make", "--no-print-directory", "test", f"ARGS=-q --no-test-after {TESTS_S} {words}"])
     return found
 
 
@@ -180,7 +218,7 @@ def said(command: Sequence[str]) -> str:
 
     If the command has many files, the text only says how many.
     """
-    words = [Path(word).name if word.startswith("/") else word for word in command]
+    words = [Path(word).name if word.startswith("/") else word for one in command for word in one.split()]
     files = [word for word in words if "/" in word and (ROOT / word).is_file()]
     if len(files) > MOST_SAID:
         words = [word for word in words if word not in files] + [f"({len(files)} files)"]
@@ -188,7 +226,7 @@ def said(command: Sequence[str]) -> str:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code, 1 if a command failed."""
+    """Run the command line up to the first command that fails; return the exit code, 1 if one failed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "--since", metavar="COMMIT", help="compare with this commit; default: origin/main, or else HEAD~1"
@@ -201,20 +239,22 @@ def main(words: Sequence[str] | None = None) -> int:
     print(f"near: {len(names)} files differ from {since}", flush=True)
     for name in wanted.left_out:
         print(f"near: not run: the many tests that use {name}; make test runs them", flush=True)
-    failed = []
+    failed = None
     for command in commands(wanted):
         begin = time.monotonic()
         print(f"near: {said(command)}", flush=True)
         if given.dry_run:
             continue
-        if subprocess.run(command, cwd=ROOT, check=False).returncode:
-            failed.append(said(command))
+        code = subprocess.run(command, cwd=ROOT, check=False).returncode
         print(f"near: {time.monotonic() - begin:.0f} s", flush=True)
+        if code:
+            failed = said(command)
+            break
     if names and not any(re.match(r"\+[^+]", line) for line in _git("diff", since, "--", "CHANGELOG.md")):
         print("near: warning: CHANGELOG.md has no new line", flush=True)
-    for text in failed:
-        print(f"near: failed: {text}", file=sys.stderr)
-    return int(bool(failed))
+    if failed is not None:
+        print(f"near: failed: {failed}", file=sys.stderr)
+    return int(failed is not None)
 
 
 if __name__ == "__main__":

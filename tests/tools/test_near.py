@@ -30,6 +30,7 @@ def test_a_room_is_checked_typed_and_its_tests_run() -> None:
             ["tests/estimator", "tests/native", "tests/spectrum", "tests/wire"],
         ),
         ("firmware/core/link.h", ["tests/firmware", "tests/protocol"]),
+        ("host/fltea/diagnostics/finding.py", ["tests/machine"]),
         ("host/fltea/settings/how.py", ["tests/cli", "tests/settings", "tests/site"]),
         ("host/fltea/recording/dialects.toml", ["tests/recording"]),
         ("host/docs/guide/bias.md", ["tests/site/test_site_texts.py"]),
@@ -64,6 +65,34 @@ def test_a_stand_in_runs_the_tests_that_use_it_unless_they_are_many() -> None:
     assert (found.tests, found.left_out) == ([], ["tests/rig/many.py"])
 
 
+def test_the_nearest_tests_run_first_and_each_file_once() -> None:
+    changed = ["host/fltea/wire/ports.py", "tests/wire/test_words.py"]
+    files = near.nearest_first(plan(changed).tests, changed)
+    assert files[:2] == ["tests/wire/test_words.py", "tests/wire/test_ports.py"]
+    assert {*files} == {path.relative_to(ROOT).as_posix() for path in (ROOT / "tests/wire").glob("test_*.py")}
+    assert len(files) == len({*files})
+    last = near.commands(plan(changed))[-1][-1].split()
+    assert last[3:5] == ["tests/tools/test_sizes.py", "tests/tools/test_unused.py"]
+    assert last[5:] == files
+
+
+def test_no_test_begins_after_the_time_for_tests() -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-rs",
+        "--no-test-after",
+        "0",
+        "tests/tools/test_collected.py",
+    ]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "more than 0 s have passed; `make test` runs this test" in done.stdout
+    assert "passed in" not in done.stdout
+
+
 def test_users_are_found_by_what_they_import() -> None:
     assert "tests/tools/test_near.py" in near.users_of("near")
     assert "tests/recording/test_corpus.py" in near.users_of("corpus_files")
@@ -92,15 +121,16 @@ def test_it_says_what_it_runs() -> None:
     assert "near: git diff" in done.stderr
 
 
-def test_a_failure_is_told_at_the_end(
+def test_nothing_is_run_after_a_failure_which_is_told_at_the_end(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(near, "changed", lambda _: ("HEAD", ["tools/near.py"]))
-    monkeypatch.setattr(near, "commands", lambda _: [["false", "it"], ["true"]])
+    monkeypatch.setattr(near, "commands", lambda _: [["true"], ["false", "it"], ["echo", "went on"]])
     monkeypatch.setattr(near, "_git", lambda *_: ["+++ b/CHANGELOG.md", "-old"])
     assert near.main([]) == 1
     out, err = capfd.readouterr()
     assert (err, "warning: CHANGELOG.md has no new line" in out) == ("near: failed: false it\n", True)
+    assert "went on" not in out
     monkeypatch.setattr(near, "commands", lambda _: [["true"]])
     monkeypatch.setattr(near, "_git", lambda *_: ["+++ b/CHANGELOG.md", "+- new"])
     assert near.main([]) == 0
