@@ -21,6 +21,7 @@ from fltea.records.errors import FlteaError, UsageError, of_input
 from fltea.settings.config import SETTINGS
 
 from tests.rig.host_support import fltea, fltea_here
+from tests.rig.hostile_words import OTHER, STRANGE, WORDS
 
 COMMANDS = typer.main.get_command(app).commands
 FAST = ["run", "--once", "--format", "none", "--startup", "50"]
@@ -40,77 +41,6 @@ BASES = {
     "reproduce": ["reproduce", "--table", "9"],
     "bench": ["bench", "--repetitions", "1"],
 }
-TEXTUAL = [
-    "",
-    " ",
-    "-",
-    "a:b:c",
-    "\udcff\udcfe",
-    "a\0b",
-    '"a\\u0000b"',
-    "\x1b[31m",
-    "😀" * 100,
-    "[1e308,-1e308,1e-308]",
-]
-NESTED = ["[" * 100_000, '{"a":' * 50_000, "{a=" * 5000]
-NUMBERS = [
-    *(
-        "9" * 6000,
-        "-" + "9" * 6000,
-        "0x" + "f" * 6000,
-        "٣",
-        "1_000",
-        "9" * 400 + "s",
-        "0." + "0" * 320 + "1s",
-    ),
-    *("0", "-1", "0.5", "1e-308", "5e-324", "1e-300", "1e12", "1e300", "1e308", "-1e308", "1e400"),
-    *("nan", "inf", "-inf", str(2**31), str(2**63), str(-(2**63) - 1)),
-]
-FILES = [
-    *(
-        "folder",
-        "loop",
-        "sparse",
-        "rest.npz/x",
-        "x" * 300,
-        "/tmp/" + "y" * 300,
-        "x" * 252 + ".npz",
-        "../" * 1500,
-    ),
-    *("pipe", "link", "link to none"),
-]
-"""Words that are tried as names of files. None of these names is a device, since many options write files,
-and tests may run as root.
-"""
-STRANGE = ["pipe", "link", "link to none"]
-"""A pipe that nobody writes to, a link to a file of somebody else, and a link to a file that does not exist.
-"""
-
-OTHER = "what somebody else wrote\n"
-URLS = [
-    *(
-        "http://[",
-        "mqtt://\udcff:1",
-        "mqtt://127.0.0.1:" + "9" * 20,
-        "mqtt://" + "a" * 100 + ".x",
-        "nats://\udcff",
-    ),
-    *("serial:\udcff", "serial:/dev/" + "x" * 300, "socket://[::1", "socket://a:999999", "hwgrep://("),
-    *("spy:///dev/null?file=/x/y", "serial-text:\udcff?baud=1e308", "i2c:///dev/i2c-1?addr=" + "9" * 5000),
-    *("replay:\udcff", "replay:" + "x" * 300 + ".csv", "replay:a\0b.csv"),
-    *(
-        "iio:\udcff",
-        "iio:" + "x" * 300,
-        "iio:a\0b",
-        "synthetic:?n=" + "9" * 5000,
-        "synthetic:?alpha=1e308&n=100",
-    ),
-    *(
-        f"synthetic:?{what}&n=600"
-        for what in ("rate=1e-308", "rate=1e308", "f=-1e308", "r=1e-320", "q=1e308")
-    ),
-]
-WORDS = TEXTUAL + NESTED + NUMBERS + FILES + URLS
 TEXTS: dict[str, bytes] = {
     "deep array": b"a = " + b"[" * 200_000,
     "deep table": b"[" + b"a." * 5_000 + b"a]\n",

@@ -29,6 +29,9 @@ from fltea.wire.transport import Port
 DEFAULT_BAUD = 115_200
 """Serial speed that the example programs of most boards use [baud]."""
 
+MOST_DIGITS = 9
+"""Most digits of a speed; no port has a faster one."""
+
 READ_BYTES = 1 << 16
 
 
@@ -165,7 +168,7 @@ def parse_serial(rest: str) -> tuple[str, int]:
         return rest, DEFAULT_BAUD
     baud = DEFAULT_BAUD
     for key, value in parse_qsl(query, keep_blank_values=True):
-        if key != "baud" or not (value.isascii() and value.isdigit()):
+        if key != "baud" or not (value.isascii() and value.isdigit() and len(value) <= MOST_DIGITS):
             raise UsageError(
                 f"serial-text:{rest}: '{key}={value}' is not known. Give the speed as a number: "
                 "'serial-text:/dev/ttyUSB0?baud=115200' (in quotes, for the shell knows '?' too)."

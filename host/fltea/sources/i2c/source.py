@@ -77,7 +77,10 @@ def parse_url(rest: str) -> Place:
         UsageError: the URL is wrong; the message says where.
     """
     usual = "Give for instance 'i2c:///dev/i2c-1?addr=0x68' (in quotes, for the shell knows '?' too)"
-    parts = urlsplit(rest)
+    try:
+        parts = urlsplit(rest)
+    except ValueError:  # brackets that do not close
+        parts = urlsplit("")
     if parts.netloc or not parts.path.startswith("/dev/") or parts.fragment:
         raise UsageError(f"i2c:{rest}: not the path of a bus such as /dev/i2c-1. {usual}.")
     keys = dict(parse_qsl(parts.query, keep_blank_values=True))
