@@ -3,7 +3,7 @@
 import io
 import json
 import types
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import jinja2
@@ -25,6 +25,7 @@ from fltea.records.records import (
 )
 from fltea.records.stats import OutputStats
 from fltea.settings.estimator import EstimateOn
+from fltea.sinks.figures.figure import ROOTS, Root
 from fltea.sinks.metrics.families import Families, Newest
 from fltea.sinks.mqtt.discovery import discovery
 from fltea.sinks.page import facts
@@ -182,6 +183,13 @@ EXAMPLES = (EVERYTHING, {**EVERYTHING, Fit: replace(EVERY_FIT, axes=UNDECIDED)})
 """Two sets of records. If an output gets both, it shows every figure that it can show."""
 
 
+def with_changed(records: Records, kind: type, path: str) -> Records:
+    """Return the records with one number changed, for all axes and outputs."""
+    root = ROOTS.get(kind, Root(kind, "", ""))
+    fields = f"{root.path}.{path}".strip(".").split(".")
+    return {**records, root.record: changed(records[root.record], fields)}
+
+
 def history(records: Records, who: EstimateOn = "both") -> DeviceHistory:
     """Return the live page's history of a device after these records."""
     return told(list(records.values()), who=who)
@@ -198,7 +206,7 @@ def page(records: Records) -> str:
     found = history(records)
     view = View("due", AXIS, 0)
     parts = {name: make(found, view) for name, make in PARTS.items() if name not in DRAWN}
-    return json.dumps([parts, facts.now(found, found.heard_ns or 0)])
+    return json.dumps([parts, facts.now(found, found.heard_ns or 0)], ensure_ascii=False)
 
 
 def terminal(records: Records) -> str:
@@ -264,3 +272,14 @@ def home_assistant(records: Records) -> str:
 
 def _render(template: str, payload: Any) -> str:
     return str(jinja2.Template(template).render(value_json=payload))
+
+
+PLACES: dict[str, tuple[Callable[[Records], str], str]] = {
+    "metric": (metrics, "host/fltea/sinks/metrics/families.py"),
+    "page": (page, "host/fltea/sinks/page/facts.py"),
+    "terminal": (terminal, "host/fltea/sinks/table.py"),
+    "home_assistant": (home_assistant, "host/fltea/sinks/mqtt/discovery.py"),
+}
+"""For each place where figures are shown, the function that returns everything that this place shows of given
+records, and the source file that shows it.
+"""

@@ -1,18 +1,34 @@
 """Tests that each place shows a figure in the unit that ends the name of its field, such as `_s` or `_hz`."""
 
+import difflib
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import NamedTuple
 
 import pytest
-from fltea.records.records import Stats
+from fltea.records.records import Estimate, Stats
 from fltea.records.stats import AxisStats, DeviceStatus, LinkStats
 from fltea.sinks.figures import of_axis, of_device, of_filters, of_fit, of_link
-from fltea.sinks.figures.figure import Entity, Figure, Hidden, Metric, Row, Shown, counter, gauge, loss
+from fltea.sinks.figures.figure import (
+    ROOTS,
+    Entity,
+    Figure,
+    Hidden,
+    Metric,
+    Row,
+    Rows,
+    Shown,
+    counter,
+    gauge,
+    lookup,
+    loss,
+)
+from fltea.sinks.figures.table import FIGURES
 from fltea.sinks.words import duration
 
+from tests.rig.figure_records import EVERYTHING, EXAMPLES, PLACES, Records, with_changed
 from tests.rig.host_support import ROOT
 
 DASHBOARD = "tools/deploy/grafana/fltea.json"
@@ -151,6 +167,62 @@ MODULES = of_link, of_fit, of_axis, of_filters, of_device
 def test_each_place_has_the_unit_of_the_field(module: ModuleType) -> None:
     found = [f"{figure.path}: {words}" for figure in module.FIGURES for words in amiss(figure)]
     assert not found, f"host/{module.__name__.replace('.', '/')}.py: " + "; ".join(found)
+
+
+IN_A_LAYOUT = [
+    (figure, place)
+    for figure in FIGURES
+    for place in ("page", "terminal")
+    if unit_of(figure) and isinstance(getattr(figure, place), Rows | Shown)
+]
+NUMBER = r"([-+]?\d[\d,]*(?:\.\d+)?)"
+
+
+def shown_in(figure: Figure, text: str) -> list[float]:
+    """Return the values in a text with a unit that people may read for this figure, in the base unit.
+
+    The unit stands behind the number, or at the end of a key of JSON.
+    """
+    unit = unit_of(figure)
+    assert unit is not None
+    known = OF_PEOPLE[unit.base]
+    found = re.findall(rf"{NUMBER} ({'|'.join(known)})(?!\w)", text)
+    found += [(number, ending) for ending, number in re.findall(rf'_(\w+)": {NUMBER}', text)]
+    return [float(number.replace(",", "")) * known[name] for number, name in found if name in known]
+
+
+def layout_amiss(figure: Figure, show: Callable[[Records], str]) -> str | None:
+    """Return how a place shows a figure without its unit; None if it has the unit."""
+    unit = unit_of(figure)
+    assert unit is not None
+    root = ROOTS[figure.kind]
+    for records in (*EXAMPLES, {kind: one for kind, one in EVERYTHING.items() if kind is not Estimate}):
+        others = with_changed(records, figure.kind, figure.field)
+        usual, text = show(records), show(others)
+        if usual == text:
+            continue
+        value = lookup(others[root.record], f"{root.path}.{figure.field}".strip("."))
+        values = value.values() if isinstance(value, dict) else [value]
+        wanted = {float(one) * unit.factor for one in values}
+        if any(one == pytest.approx(w, rel=0.03) for one in shown_in(figure, text) for w in wanted):
+            return None
+        lines = difflib.ndiff(*(re.split(r"\n|, ", one) for one in (usual, text)))
+        return f"{[line[2:] for line in lines if line.startswith('+ ')][:3]} without {unit.symbol}"
+    return None  # test_figures.py says that the place does not show it
+
+
+@pytest.mark.parametrize(("figure", "place"), IN_A_LAYOUT, ids=lambda one: getattr(one, "path", one))
+def test_a_place_with_a_layout_of_its_own_has_the_unit_of_the_field(figure: Figure, place: str) -> None:
+    show, file = PLACES[place]
+    found = layout_amiss(figure, show)
+    assert found is None, f"{figure.path}: {file} shows {found}"
+
+
+def test_a_layout_without_a_unit_is_named() -> None:
+    rate = next(figure for figure, place in IN_A_LAYOUT if figure.path == "stats.rate_hz")
+    for text in ("{:.2f}", "{:.2f} ms", "{:.0f} kHz"):
+        found = layout_amiss(rate, lambda records, text=text: text.format(records[Stats].rate_hz))
+        assert "without Hz" in (found or ""), text
 
 
 NOWHERE = Hidden("a test")

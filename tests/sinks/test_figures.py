@@ -5,26 +5,22 @@ declared as a figure, or there is a reason why not. Each output shows the figure
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import get_args, get_type_hints
 
 import msgspec
 import pytest
 from fltea.records.records import AnyRecord, Estimate, Placed, Record
 from fltea.sinks.figures import of_axis, of_device, of_filters, of_fit, of_link
-from fltea.sinks.figures.figure import ROOTS, Hidden, Root
+from fltea.sinks.figures.figure import ROOTS, Hidden
 from fltea.sinks.figures.table import FIGURES, UNSHOWN, WITHOUT_FIGURES
 
 from tests.rig.figure_records import (
     EVERYTHING,
     EXAMPLES,
-    Records,
-    changed,
-    home_assistant,
-    metrics,
-    page,
+    PLACES,
     parts_of,
-    terminal,
+    with_changed,
 )
 from tests.rig.host_support import ROOT
 
@@ -98,26 +94,8 @@ def test_figures_and_exceptions_are_of_fields_that_there_are() -> None:
         with_changed(EVERYTHING, kind, path)  # this call raises an error if the record has no such field
 
 
-def with_changed(records: Records, kind: type, path: str) -> Records:
-    """Return the records with one number changed, for all axes and outputs."""
-    root = ROOTS.get(kind, Root(kind, "", ""))
-    fields = f"{root.path}.{path}".strip(".").split(".")
-    return {**records, root.record: changed(records[root.record], fields)}
-
-
 def name_of(kind: type, path: str) -> str:
     return f"{kind.__name__}.{path}"
-
-
-PLACES: dict[str, tuple[Callable[[Records], str], str]] = {
-    "metric": (metrics, "host/fltea/sinks/metrics/families.py"),
-    "page": (page, "host/fltea/sinks/page/facts.py"),
-    "terminal": (terminal, "host/fltea/sinks/table.py"),
-    "home_assistant": (home_assistant, "host/fltea/sinks/mqtt/discovery.py"),
-}
-"""For each place where figures are shown, the function that returns everything that this place shows of given
-records, and the source file that shows it.
-"""
 
 
 @pytest.mark.parametrize("place", PLACES)

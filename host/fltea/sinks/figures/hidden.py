@@ -12,7 +12,7 @@ NO_METRIC = Hidden("it is no metric")
 NO_PANEL = Hidden("the dashboard shows only what explains an answer or a loss; users can query the rest")
 NO_ROW = Hidden("the number explains no answer of the page; the metric and the record have it")
 NARROW = Hidden("a terminal has only a few lines, which are needed for the noise, the bias and the losses")
-NO_ENTITY = Hidden("Home Assistant gets only a sensor's noise, bias, steps, motion and lost samples")
+NO_ENTITY = Hidden("Home Assistant gets only what host/docs/guide/outputs.md names; the record has the rest")
 
 ONLY_METRIC = {
     "page": NO_ROW,
