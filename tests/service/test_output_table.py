@@ -106,10 +106,24 @@ def test_no_check_is_made_of_an_output_whose_library_is_not_installed(tmp_path: 
 @EACH
 def test_the_page_of_outputs_has_a_section_and_a_row_for_each(output: Output) -> None:
     page = (ROOT / "host/docs/guide/outputs.md").read_text(encoding="utf-8")
-    assert f"\n## {output.section}\n" in page, f"guide/outputs.md has no section {output.section}"
+    _, heading, section = page.partition(f"\n## {output.section}\n")
+    assert heading, f"guide/outputs.md has no section {output.section}"
+    table, dot, _ = output.on.partition(".")
+    link = f"[Settings](../reference/settings.md#{table})"
+    assert not dot or link in section.partition("\n## ")[0], (
+        f"guide/outputs.md, {output.section}: no link {link}"
+    )
     assert "\n<!-- generated: outputs -->\n" in page
     rows = [line for line in site_outputs.outputs().splitlines() if line.startswith(f"| [`{output.name}`]")]
     assert any(f"`{site_outputs.switch(output)}`" in row for row in rows)
+
+
+@EACH
+def test_the_list_of_rooms_names_each(output: Output) -> None:
+    readme = (ROOT / "host/README.md").read_text(encoding="utf-8")
+    (row,) = re.findall(r"^\| `sinks/` \|.*", readme, re.MULTILINE)
+    name = output.module.partition(".")[0]
+    assert name in row.lower(), f"host/README.md, the rooms: the row of sinks/ does not name {name}"
 
 
 @EACH

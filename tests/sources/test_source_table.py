@@ -78,6 +78,17 @@ def test_the_help_and_the_guide_name_each(kind: SourceKind) -> None:
         assert any(f"`{scheme}:" in cell for cell in cells), f"guide/sources.md: no row has `{scheme}:…`"
 
 
+@EACH
+def test_the_list_of_rooms_names_each(kind: SourceKind) -> None:
+    readme = (ROOT / "host/README.md").read_text(encoding="utf-8")
+    _, room, *inside = kind.module.split(".")
+    (row,) = re.findall(rf"^\| `{room}/` \|.*", readme, re.MULTILINE)
+    words = {*kind.schemes, *"_".join(inside).split("_")}
+    assert any(word in row.lower().replace("²", "2") for word in words), (
+        f"host/README.md, the rooms: the row of {room}/ names none of {words}"
+    )
+
+
 @pytest.fixture
 def listening() -> Iterator[int]:
     with socket.create_server(("127.0.0.1", 0)) as server:
