@@ -5,20 +5,25 @@ They are parts of a noise (`fltea.noise.parts`), and have their fields and free 
 
 import math
 from collections.abc import Sequence
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from fltea import _native
 from fltea.noise import free_parameters as free
 from fltea.noise import pole_sets
-from fltea.noise.part import Part, in_hz
+from fltea.noise.part import OwnAnswer, Part, in_hz
 from fltea.records.arrays import Complex
 
 MEAN_FROM = _native.MEAN_FROM
 """The code number of a `Mean` is MEAN_FROM plus the number of averaged samples."""
 ONE_POLE = 1.5
 """If a filter has fewer poles than this, its description says that it has one pole."""
+WHOSE_FILTER = (
+    "It is the sensor's own, or of the program that wrote the file (a flight controller, a logger): compare "
+    "with their settings."
+)
+"""What to do about a filter in the recorded noise."""
 
 
 class LowPass(Part, frozen=True, tag="low-pass"):
@@ -104,6 +109,8 @@ class Sharpening(Part, frozen=True, tag="sharpening"):
 
 class Notch(Part, frozen=True, tag="notch"):
     """A filter that stops one frequency. `width_hz` is its width where half the power passes."""
+
+    answer: ClassVar[OwnAnswer | None] = OwnAnswer("notch", WHOSE_FILTER)
 
     frequency_hz: float
     width_hz: float

@@ -6,12 +6,13 @@ traits of each part. A trait is a property, such as "slow", by which other code 
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 import msgspec
 
 from fltea import _native
 from fltea.records.arrays import Array, Complex
+from fltea.records.fit import VerdictKind
 
 SIGNED = ("f", "s", "d")
 """Names of those parameters of noise parts whose values may be below 0."""
@@ -63,8 +64,24 @@ the same noise as another row, by other parameters.
 BY_NAME = {row.name: row for row in ROWS}
 
 
+class OwnAnswer(NamedTuple):
+    """The verdict if a part answers a question of its own (`Says` of its row) and no other rule is needed.
+
+    The verdict's sentence consists of the words for the parts of the model.
+    """
+
+    verdict: VerdictKind
+    next_step: str
+    """A sentence that says what to do."""
+
+
 class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="part"):
-    """The base class of all parts."""
+    """The base class of all parts.
+
+    `answer`: the verdict if the part is in the model; None if `spectrum.answers` has a rule for its question.
+    """
+
+    answer: ClassVar[OwnAnswer | None] = None
 
     def __post_init__(self) -> None:
         for name in self.__struct_fields__:

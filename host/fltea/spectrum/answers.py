@@ -1,16 +1,17 @@
 """The questions about the best model without an order, and the sentences of the verdict that answer them.
 
-An example is "Is there a resonance?". Each kind of part of a noise has a row in `kTable` in
-host/native/whittle_parts.hpp. The row names the question to which such a part answers yes (`Says`).
-`spectrum.reading` finds the questions to which the answer is yes for a whole model. Each question has one row
-in `ANSWERS`.
+Each part of a noise names its question in its row of `kTable` in host/native/whittle_parts.hpp (`Says`), and
+`spectrum.reading` finds the questions to which the answer is yes. Each question has one row in `ANSWERS`, or
+its answer in the class of the part.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
-from fltea.noise.filters import ONE_POLE
-from fltea.noise.part import ROWS, in_hz
+from fltea.noise.filters import ONE_POLE, WHOSE_FILTER
+from fltea.noise.part import ROWS, OwnAnswer, in_hz
+from fltea.noise.parts import CODES
 from fltea.records.fit import VerdictKind
 from fltea.spectrum import comb_words, wording
 from fltea.spectrum.evidence import Evidence
@@ -27,10 +28,6 @@ PEAKS: dict[str, VerdictKind] = {
 """The kind of verdict for each kind of peak. In live data, a narrow peak may be a line or a resonance."""
 NEXT_EITHER = "Record longer, or use the model without an order."
 NEXT_LIKELY = "Record longer to be sure; a navigation filter takes the model without an order."
-NEXT_FILTER = (
-    "It is the sensor's own, or of the program that wrote the file (a flight controller, a logger): compare "
-    "with their settings."
-)
 NEXT_HIGH_PASS = "Record without it, as raw samples, to see how the sensor drifts."
 NEXT_PEAK = (
     "Look for the cause: mains (its frequency wanders), a motor, a loose mount; --notch leaves a band out."
@@ -160,12 +157,15 @@ def high_pass(e: Evidence, q: Questions) -> Verdict:
     )
 
 
-def _notch(e: Evidence, q: Questions, said: str) -> Verdict:
+def _own(answer: OwnAnswer, e: Evidence, q: Questions, said: str) -> Verdict:
+    """Return the verdict that a part states itself. Asked of a slow part, an order may fit as well."""
+    if q.has_order:
+        return both(e, q, "fractional or relaxations", said)
     return q.say(
-        "notch",
+        answer.verdict,
         f"{wording.capital(said)}.{wording.also_found(e)}",
         f"{_better_than_white(e)}: {wording.UNDEFINED}.",
-        NEXT_FILTER,
+        answer.next_step,
     )
 
 
@@ -193,7 +193,7 @@ def _low_pass(e: Evidence, q: Questions, said: str) -> Verdict:
             else f"It fits better than white noise (2 log L higher by {gain:.0f})"
         )
         + f": {wording.UNDEFINED}.",
-        NEXT_FILTER,
+        WHOSE_FILTER,
     )
 
 
@@ -214,7 +214,9 @@ ANSWERS: dict[str, Answer] = {
     ),
     "resonance": Answer(lambda _: "Is there a resonance?", _resonance),
     "high-pass": Answer(None, lambda e, q, _: high_pass(e, q)),
-    "notch": Answer(None, _notch),
+    **{
+        kind.row().says: Answer(None, partial(_own, kind.answer)) for kind in CODES if kind.answer is not None
+    },
     "colour": Answer(
         lambda _: "Is there a filter, or a rise with frequency?",
         lambda e, q, said: _rising(e, q, said) if e.reading.rises else _low_pass(e, q, said),
@@ -227,7 +229,8 @@ asked after that.
 if apart := ANSWERS.keys() ^ ({row.says for row in ROWS} - {"nothing", "order"}):
     raise LookupError(
         f"{', '.join(sorted(apart))}: a question has a name in `Says` of host/native/whittle_parts.hpp, "
-        "which the row of a part has, and a row in ANSWERS of host/fltea/spectrum/answers.py"
+        "which the row of a part has, and an `answer` of the part's class or a row in ANSWERS of "
+        "host/fltea/spectrum/answers.py"
     )
 
 
