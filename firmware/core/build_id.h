@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "ffc26492";
+constexpr char kBuildId[] = "c46eae91";
 
 }  // namespace fltea

@@ -74,7 +74,8 @@ def correlated(n: int) -> list[Row]:
 def correlations(alpha: float, g: float, n: int) -> dict[str, float]:
     """Return the correlations of α, f, F and s2 with R, by the Fisher information of n samples.
 
-    They are taken at R = `NEARLY_ZERO` for s2 = 1, since the slopes are those by log R, which R = 0 has not.
+    R is the variance of the white noise. The correlations are taken at R = `NEARLY_ZERO`, for s2 = 1: the
+    slopes are those by log R, which has no value at R = 0.
     g = h^α f, where h is the sampling period; F = g + α; s2 is the variance of the steps of the state.
     """
     lam = 2 * np.pi * used_ordinates(n, 1.0) / n

@@ -267,10 +267,10 @@ class Output(NamedTuple):
     `name`: key of the output's counts in `stats.outputs`. `on`: path of the setting that switches the output
     on, by any value or, if `when` is given, by one of its values. `module`: name of the module in
     `fltea.sinks` that opens the output, and checks it for `fltea doctor` (`OutputModule` in
-    `sinks/opening.py`). `each`: whether the output is opened once for the program, for each device, or for
-    all shared sources. `section`: the output's heading in the guide to outputs. `what`: what the output
-    writes, for the guide's table. `extra`, `library`: the extra of the package, and the module, that the
-    output needs. `of_many`: whether the output takes the records of shared sources (with many devices each).
+    `sinks/opening.py`). `each`: for what the output is opened once: the program, each device, or all shared
+    sources together (each brings many devices). `section`: the output's heading in the guide to outputs.
+    `what`: what the output writes, for the guide's table. `extra`, `library`: the extra of the package, and
+    the module, that the output needs. `of_many`: whether the output takes the records of shared sources.
     """
 
     name: str

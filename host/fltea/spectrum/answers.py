@@ -1,8 +1,9 @@
 """The questions about the best model without an order, and the sentences of the verdict that answer them.
 
-Each part of a noise names its question in its row of `kTable` in host/native/whittle_parts.hpp (`Says`), and
-`spectrum.reading` finds the questions to which the answer is yes. Each question has one row in `ANSWERS`, or
-its answer in the class of the part.
+An example is "Is there a resonance?". Each kind of part of a noise has a row in `kTable` in
+host/native/whittle_parts.hpp. The row names the question to which such a part answers yes (`Says`).
+`spectrum.reading` finds the questions to which the answer is yes for a whole model. Each question has one row
+in `ANSWERS`, or its answer in the class of the part.
 """
 
 from collections.abc import Callable
