@@ -20,16 +20,17 @@ namespace fltea {
 namespace allan {
 
 constexpr std::size_t kChunk = 16, kHistory = 15;
-// Octaves 0 to 3 of the Allan variance are computed from the samples (level 0). Each further octave is
-// computed from the values of its own level.
+// Octave j of the Allan variance is the estimate at τ = 2^j samples. Octaves 0 to 3 are computed from level
+// 0, which has the samples. Each octave j above 3 is computed from level j - 3.
 constexpr std::size_t kLevels = 24, kOfSamples = 4, kOctaves = kLevels + kOfSamples - 1;
 // Old terms are forgotten exponentially. A point of the Allan variance is left out if its newest term is
 // older than this many time constants of the forgetting.
 constexpr double kOldest = 3;
 constexpr double kLargestValue = 1e100, kLargestCount = 1e15;
 
-// The weighted sum of the terms (B_k - B_{k-m})² of one octave. A new term has the weight 1. If samples are
-// forgotten, older terms have smaller weights.
+// Sums for one octave: of the terms (B_k - B_{k-m})², each multiplied by its weight (see the top of this
+// file), of the weights, and of the squared weights. A new term has the weight 1. If samples are forgotten,
+// older terms have smaller weights.
 struct Octave {
     double squares = 0, weight = 0, weight_squared = 0;
     // Time at which the last term was added, in samples since the beginning of the series.
@@ -37,8 +38,9 @@ struct Octave {
 };
 
 struct Level {
-    // The array begins with the last kHistory values of earlier chunks since the last break, or 0 where there
-    // are fewer values. The values that wait until their chunk is complete follow.
+    // The first kHistory elements are the last values of earlier chunks since the last break, or 0 where
+    // there are too few such values. After them come the values of the present chunk, of which there are
+    // `waiting`. These are processed when the chunk is complete.
     double values[kHistory + kChunk] = {};
     std::size_t waiting = 0;
     // Number of values since the last break that were already processed. Waiting values are not included.
@@ -101,9 +103,9 @@ class AllanSums {
         stretch_begin_ = now_;
     }
 
-    // Adds the sums of another instance, as if the series of both instances ended now. Before that, terms are
-    // computed from the values that wait in incomplete chunks of both. The next sample begins a new stretch
-    // of this instance's series, as after a break.
+    // Adds the sums of another instance, as if the two series ended at the same time. First, both instances
+    // process the values of their incomplete chunks. The next sample begins a new stretch (samples without a
+    // gap) of this instance's series.
     void merge(const AllanSums& other) {
         if (other.samples_ <= 0) return;
         AllanSums ended(other);
@@ -171,8 +173,8 @@ class AllanSums {
                                                                   : allan::kHistory;
     }
 
-    // Computes terms of the Allan variance from the waiting values of level i, and passes the sums of pairs
-    // of them to the next level.
+    // Processes the waiting values of level i (Level::waiting): computes terms of the Allan variance from
+    // them, and passes the sum of each two of them to level i + 1.
     void take(std::size_t i) {
         allan::Level& level = levels_[i];
         const std::size_t n = level.waiting, old = history(level);
@@ -200,7 +202,8 @@ class AllanSums {
         for (std::size_t k = 0; k < allan::kHistory; ++k) level.values[k] = level.values[k + n];
     }
 
-    // Adds terms to octave j: the squared differences of two block sums that lie `width` values apart.
+    // Adds terms (B_k - B_{k-m})² to octave j, where m = 2^j. `sums` has the block sum B that ends at each
+    // value of level i. B_{k-m} stands `width` values before B_k.
     void count(std::size_t j, std::size_t i, const double* sums, std::size_t width, std::size_t old,
                std::size_t n) {
         const std::size_t needed = 2 * width - 1, first = old < needed ? needed - old : 0;
@@ -257,7 +260,8 @@ class AllanSums {
         octave.squares *= decay;
         octave.weight *= decay;
         octave.weight_squared *= decay * decay;
-        // The octave is reset before its weights become so small that the squares of the weights underflow.
+        // Much smaller weights would underflow to 0 when they are squared. The octave is therefore reset
+        // before.
         if (octave.weight < 1e-100) octave = allan::Octave();
     }
 

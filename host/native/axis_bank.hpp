@@ -26,10 +26,10 @@ struct BankBlock {
 
 // Result of a fit for one axis: the order and the parameter f, each with its standard deviation.
 //
-// A filter treats its variances Q and R, and the slope of its predictions, as exact. The standard deviation
-// that it reports therefore shrinks even around a wrong value. A filter cannot know more than the fit does.
-// The published standard deviation is therefore at least that of the fit, and it grows with the distance of
-// the filter's value from the fitted value.
+// A filter treats the variances Q and R, and its linear approximation of the model, as exact, although they
+// are not. The standard deviation that it reports therefore becomes smaller and smaller, even if its estimate
+// is wrong. For this reason, the published standard deviation is never smaller than that of the fit, and it
+// grows with the distance of the filter's estimate from the fitted value.
 struct Known {
     bool any;  // whether there is a fit for this axis
     double alpha, alpha_std, f, f_std;
@@ -55,8 +55,7 @@ class AxisBank {
     const engine::Baseline<double>& window(std::size_t axis) const { return window_[axis]; }
 
     // Ends the start-up window. From the next row on, `bias` is subtracted from the samples, and each axis is
-    // filtered by one of the `lanes`; a lane has the filters of one axis. Axes that are not `live` stay
-    // invalid, whatever their lanes report.
+    // filtered by one of the `lanes`. An axis for which `live` is 0 stays invalid, whatever its lane reports.
     void start(std::unique_ptr<LaneRunner> lanes, const double* bias, const std::uint8_t* live) {
         lanes_ = std::move(lanes);
         bias_.assign(bias, bias + axes_);

@@ -84,7 +84,8 @@ class AxisFilter {
     // Variance of the innovation of the next sample.
     double variance() const { return model_ == nullptr ? banks_->now.variance() : model_->variance(); }
     Known known() const { return model_ == nullptr ? banks_->now.known() : model_->known(e_); }
-    // The present bias of the samples that predict() takes, from which the origin was subtracted.
+    // The present bias minus the origin, because predict() takes samples from which the origin was
+    // subtracted.
     double bias() const {
         if (model_ != nullptr) return model_->bias();
         return banks_->now.knows() ? banks_->now.known().bias : 0;

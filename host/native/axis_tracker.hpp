@@ -127,8 +127,8 @@ class AxisTracker {
 
     // The kind of change of the bias that the step test has detected at the newest sample.
     StepSeen::Kind seen() const { return seen_.kind; }
-    // Whether the detected step is too large for the bias, because it would move the bias by more than
-    // largest_step() away from the settled value (settled_bias()).
+    // Whether the detected step would move the bias farther than largest_step() away from settled_bias(), the
+    // bias before the newest steps.
     bool is_too_far() const { return !(std::fabs(bias() + step_size() - settled_bias()) <= largest_step()); }
 
     // Accepts the detected step: from now on, the bias is computed from the samples after the step. Returns
@@ -160,8 +160,8 @@ class AxisTracker {
 
     void drop_chunk() { gate_.drop_chunk(); }
 
-    // Call this when motion was detected. Undoes what this chunk of samples, the chunk before it, and steps
-    // just before the motion have changed in the filter. Returns the number of samples that were undone.
+    // Call this when motion was detected. Restores the filter as it was before the previous chunk of samples,
+    // or before the steps that were the beginning of the motion. Returns the number of samples undone.
     std::int64_t go_back() {
         steps_.clear();
         check_.skip();
@@ -210,7 +210,7 @@ class AxisTracker {
     }
     void count_beginning() { ++counts_.begun; }
 
-    // Distance of the newest sample from the settled bias (settled_bias()).
+    // Distance of the newest sample from settled_bias(), the bias before the newest steps.
     double off() const { return std::fabs(apart_ - settled_bias()); }
     // The present bias, which is the published figure.
     double absolute_bias() const { return bias() + origin_; }
@@ -243,8 +243,8 @@ class AxisTracker {
     }
 
   private:
-    // kWide: Before the size of a step is estimated, its variance is assumed to be this many times the square
-    // of its apparent size.
+    // kWide: At first, the size of a step is known only roughly. The variance of this size is then assumed to
+    // be kWide times the square of the apparent size.
     static constexpr double kWide = 10, kLeastOfNoise = 2;
     enum { kFewestOfBank = 1024, kSlow = 1024, kSoon = 4, kBefore = 512 };
 
@@ -306,7 +306,7 @@ class AxisTracker {
     }
 
     // The largest change that counts as a step of the bias; a larger change is motion. The limit is at least
-    // twice the standard deviation of a sample, because it takes long to see smaller changes in the noise.
+    // twice the standard deviation of a sample, because smaller changes are detected late amid the noise.
     double largest_step() const {
         return std::fmax(rules_.largest_step, deviation_ < kLargest ? kLeastOfNoise * deviation_ : 0);
     }
@@ -319,7 +319,7 @@ class AxisTracker {
         return since.count > 0 ? since.mean - bias() : seen_.size * deviation_;
     }
     double bias_variance() const { return filter_.known().bias_variance; }
-    // Bias before those steps that may be the beginning of motion; without such steps, the present bias.
+    // The bias before the newest steps if these may be the beginning of motion; otherwise the present bias.
     double settled_bias() const { return undoable_.any() ? undoable_.bias() : bias(); }
 
     // Filters all remembered samples once more.
@@ -338,8 +338,8 @@ class AxisTracker {
         return seen.ago >= kSlow && size * last_step_.size > 0 && since < kSoon * std::int64_t(seen.ago);
     }
 
-    // Handles a bias that drifts by more than the noise model says. Until the next model is set, the steps of
-    // the offset's random walk have a larger variance to account for the drift.
+    // Handles a bias that drifts faster than the noise model says. Until the next model is set, the offset in
+    // the present model does a random walk with larger steps.
     void drift(const StepSeen& seen, double change) {
         steps_.clear();
         if (!filter_.has_model()) return;
@@ -379,8 +379,8 @@ class AxisTracker {
     bool fixed_, has_origin_ = false;
     double origin_ = 0;
     Rounding rounding_;
-    // Three figures of the newest sample: its value minus the origin, the standard deviation of its
-    // innovation, and its innovation for the step test, divided by this standard deviation.
+    // Of the newest sample: its value minus the origin; the standard deviation of its innovation; and the
+    // innovation that the step test uses, divided by its own standard deviation.
     double apart_ = 0, deviation_ = kLargest, for_steps_ = 0;
     StepSeen seen_ = StepSeen{StepSeen::kNothing, 0, 0};
     LastStep last_step_ = LastStep{0, 0};

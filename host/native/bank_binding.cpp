@@ -32,7 +32,7 @@ using Mask = nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::c
 constexpr size_t kMostSkipped = 10'000'000;
 
 // Statistics of a start-up window: the mean of its values, their variance, and whether all values are equal.
-// The variance is at least the one that rounding to the resolution causes.
+// The variance is at least that of the error of rounding to `resolution`.
 using Moments = std::tuple<double, double, bool>;
 
 Moments moments_of(const fltea::engine::Baseline<double>& window, double resolution) {

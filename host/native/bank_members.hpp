@@ -62,8 +62,8 @@ class BankMembers {
                 for (double q : {1e-6, 1e-4}) add(Noise{0, q, 1, {time}, {power}});
             }
         }
-        // The spectra of these models are similar to that of 1/f noise over one or two decades of time,
-        // beginning at the shortest time constant.
+        // Each of the next models has three relaxations. Its spectrum is similar to that of 1/f noise between
+        // the shortest and the longest of their time constants, which are one or two decades apart.
         for (double time : {0.4, 1.0, 4.0}) {
             for (double apart : {4.0, 10.0}) {
                 for (double tilt : {0.5, 1.0, 3.0}) {
@@ -132,8 +132,8 @@ class BankMembers {
         s.c[0] = 1;
     }
 
-    // Writes the covariance of the real and the imaginary part of a complex state ξ, which follows from the
-    // expected values of |ξ|² (`hermitian`) and ξ² (`plain`).
+    // Writes the covariance matrix of the real and the imaginary part of a complex state ξ. `hermitian`: half
+    // of the expected value of |ξ|². `plain`: half of that of ξ².
     static void covariance(double hermitian, std::complex<double> plain, int n, double* to) {
         to[0] = hermitian + plain.real();
         to[n + 1] = hermitian - plain.real();

@@ -17,13 +17,14 @@ class BiasCheck {
     enum { kTimes = BiasLengths::kChecks };
     struct Found {
         std::uint64_t pieces;
-        // root mean square of the ratio of each difference to its expected standard deviation; about 1 if the
-        // standard deviation is right, NaN before the first check is complete
+        // Each check divides the difference between the mean of some samples and the bias by the expected
+        // standard deviation of this difference. `rms`: root mean square of these ratios; about 1 if the
+        // standard deviations are right, NaN before the first check is complete
         double rms;
     };
 
-    // Sets `length`, the number of samples over which the check number `which` averages. If `length` is 0,
-    // there is no such check.
+    // Sets `length`, the number of samples whose mean is compared with the bias in check number `which`. If
+    // `length` is 0, this check is not made.
     void expect(int which, std::int64_t length) { pieces_[which].length = length; }
 
     // Call this when another noise model applies from the next sample on.
@@ -84,8 +85,8 @@ class BiasCheck {
         std::int64_t length = 0, ends = 0;
         double bias = 0, variance = 1, sum_before = 0, squares = 0;
         std::uint64_t pieces = 0;
-        // for each candidate system of the noise model, how it forecasts the mean of the bias over these
-        // samples
+        // for each candidate system of the noise model: forecast of the mean of the bias over the next
+        // `length` samples
         MeanAhead<kMost> ahead[TrackerModel::kRivals] = {};
     };
 

@@ -23,9 +23,10 @@ inline void to(double* at, T value) {
     __builtin_memcpy(at, &value, sizeof value);
 }
 
-// Calls op(T(), i) for all bins. At first T is a pack, and a call handles as many bins from i on as the pack
-// has numbers. For the last few bins T is double, and a call handles one bin. The result for a bin does not
-// depend on T (pack_math.hpp). Packs are used explicitly, because compilers do not vectorise exp.
+// Calls `op` for all bins. op(Wide(), i) processes as many bins from i on as there are numbers in a pack (a
+// vector register). op(double(), i) processes bin i alone; it is called for the last few bins. The result for
+// a bin is the same in both cases (pack_math.hpp). Packs are used explicitly, because compilers do not
+// vectorise exp.
 template <class Op>
 __attribute__((always_inline)) inline void each(std::size_t size, Op op) {
     std::size_t i = 0;
@@ -33,8 +34,9 @@ __attribute__((always_inline)) inline void each(std::size_t size, Op op) {
     for (; i < size; ++i) op(double(), i);
 }
 
-// Computes kSums sums over all bins. `term` computes the terms for a bin. Each sum consists of eight partial
-// sums, whatever the width of a pack, so that the result is always the same.
+// Computes kSums sums over all bins. `term` computes the terms of one bin, or of as many bins as there are
+// numbers in a pack. Each sum is computed as eight partial sums, however many numbers a pack has. The result
+// is therefore the same for all instruction sets.
 template <int kSums, class Term>
 __attribute__((always_inline)) inline void sums_of(std::size_t size, Term term, double* found) {
     constexpr std::size_t kPacks = 8 / engine::kWidth;

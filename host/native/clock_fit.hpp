@@ -29,10 +29,11 @@ struct ClockFit {
     double at(double device) const { return centre.delay + slope * (device - centre.device); }
 };
 
-// Fits the line. `arrivals`: a container of `Arrival`, which must not be empty. `prior`: the standard
-// deviation of a delay divided by the standard deviation of the slope, both as they are known before the fit,
-// in the device's unit of time. If nothing is known of the slope, `prior` is 0, and the arrivals must have at
-// least two different device times.
+// Fits the line to `arrivals`, a container with at least one `Arrival`.
+//
+// `prior` says how well it is known before the fit that the slope is near 0: the standard deviation of a
+// delay divided by that of the slope, in the device's unit of time. If nothing is known of the slope, `prior`
+// is 0, and the arrivals must have at least two different device times.
 template <typename Arrivals>
 ClockFit fit_clock(const Arrivals& arrivals, double prior) {
     ClockFit fit;

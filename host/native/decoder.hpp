@@ -17,7 +17,7 @@ namespace fltea {
 
 // One valid SAMPLE frame.
 struct SampleRow {
-    std::int64_t end;  // number of fed bytes up to and including the frame's closing 0x00
+    std::int64_t end;  // number of bytes of the same call of feed() up to and including the closing 0x00
     std::uint32_t device_us;
     std::uint16_t sequence;
     Sample sample;
@@ -32,9 +32,9 @@ const char* reason_name(Reason reason);
 
 // A frame of another type than SAMPLE, or a block that is not a valid frame.
 struct OtherRow {
-    std::size_t row;  // number of samples of the same call that came before this item
-    // number of fed bytes up to and including the closing 0x00; for an oversize block, up to and including
-    // the byte that made the block too long
+    std::size_t row;  // number of elements of Decoded::samples that came before this item
+    // number of bytes of the same call of feed() up to and including the closing 0x00; for an oversize block,
+    // up to and including the byte that made the block too long
     std::int64_t end;
     // Reason::none means a valid frame; only for a valid frame are the following header fields set
     Reason reason;
@@ -67,8 +67,8 @@ class Decoder {
     // version counts as valid whatever its length, because the caller judges its version.
     void feed(const std::uint8_t* data, std::size_t n, Decoded& found);
 
-    // Drops the unfinished block. Call this when the serial port was reopened; the first block after that may
-    // be only a part of one.
+    // Drops the unfinished block. Call this when the serial port was reopened. The beginning of the first
+    // block after that may be missing.
     void reset() { *this = Decoder(); }
 
     // Number of bytes in the unfinished block.

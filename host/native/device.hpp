@@ -101,8 +101,8 @@ class Device {
     bool has_moment() const { return has_moment_; }
     const Moment& moment() const { return moment_; }
     const std::vector<Happening>& happened() const { return happened_; }
-    // What the sequence tracker says of the sample at which `advance` has stopped with kGap or kEpoch. After
-    // kGap, also the Unix time of that sample.
+    // How the sample at which `advance` has stopped continues the stream (sequence_tracker.hpp), after a stop
+    // with kGap or kEpoch. After kGap, judged_ns() is the Unix time of that sample.
     const Judged& judged() const { return judged_; }
     std::int64_t judged_ns() const { return judged_ns_; }
     // After a stop with kGap: for each sensor, the axes that became invalid while samples were missing.
@@ -149,8 +149,8 @@ class Device {
     // processing writes are still in the cache for the next step.
     static constexpr std::size_t kMostRows = 2048;
 
-    // Judges the next sample. Returns why `advance` has to return before this sample, or kEnd if it need not.
-    // In the latter case, the sample is either ignored or has to be processed now.
+    // Decides how the next sample continues the stream (judged_). If `advance` has to return before this
+    // sample, returns the reason. Otherwise returns kEnd: the sample is ignored, or has to be processed now.
     Stop judge(const SampleColumns& from, std::size_t at) {
         if (!is_judged_) {
             judged_ = place.judge(from.sequence[at], from.device_us[at], from.host_ns[at]);
@@ -179,8 +179,9 @@ class Device {
             place.told_news();
             return Stop::kRateDiffers;
         }
-        // Before the first sample of an epoch is processed, the newest sample is still the last one of the
-        // previous epoch, while fit_counts and fit_due may already be set for the new epoch.
+        // Before the first sample of an epoch is processed, newest() is still the last sample of the previous
+        // epoch. Its number must not be compared with fit_counts and fit_due, which may already be those of
+        // the new epoch.
         if (is_new_) return Stop::kEnd;
         const std::int64_t seq = place.newest().seq;
         if (seq >= fit_counts) {
@@ -364,7 +365,7 @@ class Device {
     bool has_moment_ = false;
     Judged judged_ = {};
     std::int64_t judged_ns_ = kNever;
-    bool is_judged_ = false;  // whether the next sample is judged, but not processed yet
+    bool is_judged_ = false;  // whether judged_ already describes the next sample
     bool is_ready_ = false;   // whether all work that has to precede the next sample is done
     bool is_new_ = false;     // whether no sample of the present epoch was processed yet
     bool window_is_full_ = false;

@@ -130,9 +130,9 @@ class Device {
     bool knows_hello() const { return device_.place.knows_hello(); }
     void on_break(const char* reason) { device_.place.on_break(fltea::epoch_reason_of(reason)); }
 
-    // Begins an epoch (samples without a restart or a long gap). Each sensor is a tuple of the fields of
-    // fltea::Sensor: is_accel, places, tracker, sums or None, longest_motion, bank or None, window_left and,
-    // for each axis, waits.
+    // Begins an epoch (samples without a restart or a long gap). `sensors`: for each sensor, a tuple of the
+    // fields of fltea::Sensor (sensor.hpp): is_accel, places, tracker, sums (or None), longest_motion, bank
+    // (or None), window_left, waits.
     void begin(std::int64_t offset_ns, nb::list sensors) {
         std::vector<fltea::Sensor> found;
         for (nb::handle sensor : sensors) {
@@ -162,9 +162,9 @@ class Device {
     size_t window_left(size_t sensor) { return at(sensor).window_left; }
 
     // Processes samples from index `next` on. `raw` has the columns sequence, device_us, host_ns, gyro,
-    // accel, temperature and flags of a RawBlock. Returns why it stopped (Stop), the index of the next
-    // sample, the columns of the processed samples with the index of the first of them (or None), and details
-    // of the stop.
+    // accel, temperature and flags of a RawBlock. Returns four things. First, why it stopped (Stop). Second,
+    // the index of the next sample. Third, the result of columns_of() for the processed rows, or None if
+    // there are none. Fourth, the details of the stop (told()).
     nb::tuple advance(nb::tuple raw, size_t next) {
         const size_t n = nb::len(nb::handle(raw[0]));
         const Column sequence(raw[0], n), device_us(raw[1], n), host_ns(raw[2], n), gyro(raw[3], n),
@@ -237,9 +237,10 @@ class Device {
         return table_->array(column + begin * width, is_flat ? nb::make_tuple(n) : nb::make_tuple(n, width));
     }
 
-    // Returns a tuple: the index of the run's first sample in the source; the columns of the samples; and a
-    // list with an entry for each sensor. The entry has the columns of the sensor's tracker and those of its
-    // filters' estimates (None while there are none), or is None if the sensor has no samples.
+    // Returns three things for the rows of the run from `begin` to before `end`. First, the index of the
+    // first of these rows in the source. Second, the columns of the samples. Third, a list with an entry for
+    // each sensor. If the sensor has no samples, the entry is None. Otherwise it is a pair: the columns of
+    // the sensor's tracker, and the columns of its filters' estimates, or None while there are no estimates.
     nb::tuple columns_of(size_t begin, size_t end) const {
         const RunColumns& run = device_.run();
         nb::list sensors;

@@ -63,8 +63,9 @@ enum Column : int {
     kColumns
 };
 
-// Inputs and outputs for a block of `samples` rows with a number for each lane (axis), stored row by row. If
-// `u` is null, there is no input u. If `missing` is null, no sample is missing. All numbers are finite.
+// Inputs and outputs for a block of `samples` rows with a number for each lane (axis), stored row by row.
+// `y`: the samples. `u`: the known input (filters.hpp), or null if there is none. `missing`: not 0 where a
+// sample is missing, or null if none is. `out`: an array for each Column. All inputs are finite.
 struct Block {
     std::size_t samples;
     const double* y;
@@ -78,8 +79,8 @@ struct Block {
 // supervisors writes standard deviations into the block's columns instead of variances, and does not write
 // the column kP (the variance of the state). All columns are NaN where a lane is not valid.
 struct Watch {
-    // state of the supervisors, Backend::supervisor bytes for each lane; all bytes of a new supervisor are
-    // zero
+    // memory of the supervisors; each lane has Backend::supervisor bytes, which are all zero before the first
+    // run
     unsigned char* supervisors;
     // what each lane's supervisor says of each sample: VerdictBits, of shape (samples, lanes)
     std::uint8_t* verdicts;

@@ -45,7 +45,7 @@ class FadingSums {
     }
 
     // Adds the powers of a block that belongs to the generation number `born` (FadingMemory). The powers have
-    // the unit of the sums.
+    // the same unit as the sums, so the second argument, a shift between the two units, is not used.
     template <typename Number>
     void add(const Number* power, int, double born) {
         age(born);
@@ -68,9 +68,9 @@ class FadingSums {
         generation_ = generation;
     }
 
-    // Writes the sums of powers and the weighted number of blocks at the time when the fraction `part` of the
-    // current generation (FadingMemory) has passed. `effective`: number of blocks of equal weight that would
-    // give the same precision.
+    // Writes the sums as they are when the fraction `part` of the current generation (FadingMemory) has
+    // passed. `power`: weighted sums of the powers. `blocks`: sum of the blocks' weights. `effective`: number
+    // of blocks of equal weight that would give the same precision.
     void read(double part, double* power, double* blocks, double* effective) const {
         const double old = 1 - part;
         for (int i = 0; i < kLines; ++i) power[i] = now_.power[i] + old * before_.power[i];
@@ -83,8 +83,8 @@ class FadingSums {
         add(now_, other.now_);
         add(before_, other.before_);
     }
-    // Sets the number of the current generation (FadingMemory). Call this after a merge with other sums, when
-    // the generation no longer follows from the blocks that were added.
+    // Sets the number of the current generation (FadingMemory). Call this after merge(), which does not
+    // change this number.
     void set_generation(double generation) { generation_ = generation; }
 
     template <typename Io>

@@ -36,8 +36,8 @@ struct FittedModel {
             if (terms[i].part != other.terms[i].part || terms[i].size != other.terms[i].size) return false;
         return true;
     }
-    // Number of parameters as the criterion BIC counts them. It counts the free parameters, and parameters of
-    // which a search tries many values.
+    // Number of parameters as the criterion BIC counts them: those that a fit changes, and those of which a
+    // search tries many values.
     int parameters() const {
         int found = free_of(terms);
         for (const Term& term : terms) found += row_of(term.part).sought;

@@ -51,9 +51,8 @@ class Kalman {
         double P[N * N];
     };
 
-    // For kExact samples after a start or a gap, the filter computes the exact gain of each sample. After
-    // that, it uses the same gain for kHeld samples. This gain is the one that is exact for the last of these
-    // samples.
+    // For kExact samples after a start or a gap, the filter computes the exact gain for each sample. After
+    // that, it uses one gain for the next kHeld samples: the gain that is exact for the last of them.
     enum { kExact = 512, kHeld = RiccatiMap<N>::kSamples, kStep = 32 };
     // Innovations are clipped at this number of standard deviations.
     static constexpr double kClip = 6;
@@ -110,9 +109,9 @@ class Kalman {
         find_gain();
     }
     double bias() const { return dot(system_->bias, x, system_->n); }
-    // Variance of the scalar product of `row` and x. It is computed from P. While the gain is held (hold()),
-    // P is the covariance of a moment up to kHeld samples later. The result is therefore corrected by the
-    // difference between the bias's present variance and its variance by P.
+    // Variance of the scalar product of `row` and x. It is computed from the covariance P. While the gain is
+    // held (hold()), P is not the present covariance, but that of a sample up to kHeld samples later. The
+    // change of the bias's variance until then is known, and is used to correct the result.
     double variance_of(const double* row) const {
         const System<N>& s = *system_;
         const double own = form(row, P, row, s.n), of_bias = form(s.bias, P, s.bias, s.n);
@@ -199,7 +198,7 @@ class Kalman {
         io.require(S > 0);
     }
 
-    // Each sample needs these values, so they come first in memory.
+    // x, K and S are used for each sample, so they come first in memory.
     double x[N] = {}, K[N] = {}, S = 1;
 
   private:

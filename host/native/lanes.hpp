@@ -25,7 +25,7 @@ enum LaneColumn : int {
     kLaneF,
     kLaneFStd,
     kLaneX,
-    kLaneInnovation,  // the innovation is also NaN where the sample is missing
+    kLaneInnovation,  // NaN where the sample is missing, even if the lane is valid
     kLaneInnovationStd,
     kLaneColumns
 };

@@ -32,9 +32,9 @@ class LinePrinter {
         std::size_t column, place;
     };
 
-    // `texts`: the fixed texts of a line. One text stands before each hole, and one after the last hole.
-    // `nulls`: whether non-finite numbers are printed as null. If not, they are omitted together with their
-    // keys. Throws std::invalid_argument if there is not one text more than there are holes.
+    // `texts`: the fixed texts of a line. The number of hole i is printed between texts i and i + 1. `nulls`:
+    // if true, numbers that are not finite are printed as null; if false, they are omitted together with
+    // their keys. Throws std::invalid_argument if the number of texts is not the number of holes plus one.
     LinePrinter(std::vector<std::string> texts, std::vector<Hole> holes, bool nulls)
         : texts_(std::move(texts)), holes_(std::move(holes)), nulls_(nulls) {
         if (texts_.size() != holes_.size() + 1)
@@ -50,10 +50,10 @@ class LinePrinter {
     // Largest number of bytes that the text of `rows` rows can take.
     std::size_t room(std::size_t rows) const { return rows * room_; }
 
-    // Prints the rows begin, begin + step, … below `end` into `out`. `out` must have as many bytes as room()
-    // returns. Returns the end of the printed text. A hole is the place of a number in the line; it names the
-    // number's column and its index within the row. Every column that a hole names must have these rows and
-    // this index. Columns that no hole names are ignored.
+    // Prints the rows begin, begin + step, … below `end` into `out`, which must have room for as many bytes
+    // as room() returns. Returns the end of the printed text. Each hole of the line says which number of a
+    // row to print: the one at index `place` in the column `column`. These columns must have all rows to
+    // print. Columns that no hole names are ignored.
     char* print(const Cells* columns, std::size_t begin, std::size_t end, std::size_t step, char* out) const {
         std::vector<Cell> cells;
         cells.reserve(holes_.size());

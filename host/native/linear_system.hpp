@@ -17,10 +17,10 @@ constexpr double kNothing = 1e-200;
 
 // A linear system with n states, in arrays with room for N; if N is at most 4, zeros follow the last state.
 // Matrices are (n, n), row by row, in the first n * n elements. The states of `pairs` pairs of complex poles
-// come first. A sample is the sum of all states, weighted by c[i], and white noise of variance R. The
-// published state (the noise without white noise) and the bias are sums of states, too, with the weights
-// state[i] and bias[i]. If the bias is an expected mean over the next samples, bias_more is the variance that
-// the noise of these samples adds to it.
+// come first. A sample is the sum of the states with the weights `c`, plus white noise of variance R. The
+// published state (the noise without white noise) is the sum with the weights `state`, and the bias is the
+// sum with the weights `bias`. If the bias is defined as a mean over the next samples, the noise of these
+// samples adds the variance bias_more to its variance.
 template <int N>
 struct System {
     int n, pairs;
@@ -158,15 +158,16 @@ inline bool solve(double* M, double* Y, int n, int columns) {
 }
 
 // Maps the covariance P of a filter's prediction to the covariance 2^kDoublings samples later, which is H +
-// B' P (I + G P)^-1 B. The doublings begin with B = A', the transposed transition matrix. G, H and B are
-// computed by the doubling algorithm for the discrete Riccati equation (Anderson, Int. J. Control 28, 1978).
+// B' P (I + G P)^-1 B. The matrices for one sample are B = A' (the transposed transition matrix), G = c c' /
+// R and H = Q. The doubling algorithm for the discrete Riccati equation (Anderson, Int. J. Control 28, 1978)
+// computes those for 2, 4, 8, … samples from them.
 template <int N>
 class RiccatiMap {
   public:
     enum { kDoublings = 8, kSamples = 1 << kDoublings };
 
-    // Computes the matrices B, G and H for a system. Returns false if a matrix is singular or a number is not
-    // finite.
+    // Computes the matrices B, G and H of the map for a system. Returns false if a matrix is singular or a
+    // number is not finite.
     bool set(const System<N>& s) {
         const int n = n_ = s.n, size = n * n;
         for (int i = 0; i < size; ++i) B_[i] = 0;

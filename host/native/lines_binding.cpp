@@ -90,8 +90,8 @@ class Lines {
     std::shared_ptr<const LinePrinter> printer_;
 };
 
-// Returns the text that was printed since the last call, the number of records in this text, and the number
-// of rows after these records that were not printed.
+// Returns the text that was printed since the last call, the number of records in it, and the number of rows
+// after it that were not printed, because their columns are not those that the printer expects.
 std::tuple<nb::bytes, size_t, size_t> take(RunPrinter& printer) {
     const std::tuple<nb::bytes, size_t, size_t> found = {nb::bytes(printer.data(), printer.size()),
                                                          printer.records(), printer.missed()};

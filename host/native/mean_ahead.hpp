@@ -10,8 +10,8 @@
 namespace fltea {
 namespace track {
 
-// The expected mean is the scalar product of `row` and x, the state vector at the newest sample. `variance`
-// is the variance that the noise of the next samples adds to the mean.
+// Forecast of a mean over the next samples. The expected mean is the scalar product of `row` and x, the state
+// vector at the newest sample. The noise of the next samples adds `variance` to the variance of the mean.
 template <int N>
 struct MeanAhead {
     double row[N];
@@ -33,8 +33,8 @@ struct Modes {
             a[i] = s.a[i];
             weight[i] = weights[i];
         }
-        // For a pole pair with the states x and y, the first mode is ξ = x + i y, which is multiplied by a -
-        // i b with each sample. The conjugate of ξ is the second mode.
+        // For a pole pair with the states x and y, the first mode is ξ = x + i y. Its conjugate is the second
+        // mode. Each sample multiplies ξ by a - i b, where a and b are the pair's numbers in s.a and s.b.
         for (int i = 0; i < 2 * s.pairs; i += 2) {
             a[i] = Complex(s.a[i], -s.b[i]);
             a[i + 1] = std::conj(a[i]);
@@ -65,8 +65,9 @@ struct Modes {
     }
 };
 
-// Sums over m samples for all modes of a system. They are computed by doubling m. For slow modes, all terms
-// have the same sign, so no precision is lost.
+// Sums over m samples for all modes of a system. They are computed by doubling m. The formula (1 - a^m) / (1
+// - a) would lose precision for slow modes, whose eigenvalue a is near 1. Doubling does not, because all
+// terms then have the same sign.
 template <int N>
 class ModeSums {
   public:
@@ -91,8 +92,8 @@ class ModeSums {
     const Complex& both(int i, int j) const { return both_[i * modes_.n + j]; }
 
   private:
-    // Sums of the eigenvalue a of a mode over m samples. `power`: a^m. `geometric`: g(m) = 1 + a + … +
-    // a^(m-1). `sums`: g(1) + g(2) + … + g(m).
+    // Sums over m samples for a mode with the eigenvalue a. Let g(k) be 1 + a + … + a^(k-1). `power`: a^m.
+    // `geometric`: g(m). `sums`: g(1) + g(2) + … + g(m).
     struct OfMode {
         Complex power, geometric, sums;
     };
@@ -133,18 +134,18 @@ class ModeSums {
     }
 
     const Modes<N>& modes_;
-    double count_ = 1;  // number of samples over which the sums go
+    double count_ = 1;  // number of samples for which the sums are computed so far
     OfMode of_[N];
     Complex both_[N * N];
 };
 
-// Returns the expected mean of the scalar product of `weights` and the state x over the next m samples. If m
-// = 0, the result is the scalar product with the present x.
+// Returns a forecast of the mean, over the next m samples, of the scalar product of `weights` and the state
+// x. If m = 0, the result is the present scalar product.
 //
-// The state j samples ahead is x_k+j = A^j x_k plus noise. The mean is therefore computed in the eigenvectors
-// of A (Modes). For a mode with the eigenvalue a, let g(m) be 1 + a + … + a^(m-1) (ModeSums). Then the mean
-// of a^j over j = 1 … m is a g(m) / m, and the noise that is added j samples ahead has the weight g(m - j +
-// 1) / m.
+// The state j samples ahead is A^j times the present state, plus noise. For an eigenvector of A (Modes), A^j
+// is the power a^j of its eigenvalue a. Let g(m) be 1 + a + … + a^(m-1) (ModeSums). Then the mean of a^j over
+// j = 1 … m is a g(m) / m. Noise that is added j samples ahead remains in the samples j to m. Its weight in
+// the mean is therefore g(m - j + 1) / m.
 template <int N>
 MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) {
     typedef std::complex<double> Complex;
@@ -167,7 +168,7 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
         const Complex mean = weight[i] * modes.a[i] * sums.geometric(i) / double(m);
         if (i >= 2 * s.pairs) {
             found.row[i] = mean.real();
-        } else if (i % 2 == 0) {  // a mode ξ = x + i y and its conjugate together contribute 2 Re(mean ξ)
+        } else if (i % 2 == 0) {  // the mode ξ = x + i y and its conjugate add 2 Re(mean · ξ)
             found.row[i] = 2 * mean.real();
             found.row[i + 1] = -2 * mean.imag();
         }
@@ -175,9 +176,9 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
     return found;
 }
 
-// Considers what the states for which `in` is true contribute to a sample, and returns the spectral density
-// of this contribution at frequency 0. If these states are fast, the density gives the variance that they
-// contribute to a mean of many samples.
+// Returns the spectral density, at frequency 0, of what the states for which `in` is true add to a sample. If
+// these states are fast, their part in the mean of many samples has the variance: density divided by the
+// number of samples.
 template <int N>
 double density_at_zero(const System<N>& s, const bool* in) {
     double M[N * N], row[N];
@@ -185,7 +186,7 @@ double density_at_zero(const System<N>& s, const bool* in) {
         row[i] = in[i] ? s.c[i] : 0;
         for (int j = 0; j < s.n; ++j) M[i * s.n + j] = i == j ? (in[i] ? 1 - s.a[i] : 1) : 0;
     }
-    for (int i = 0; i < 2 * s.pairs; i += 2) {  // the equations are solved with the transposed matrix
+    for (int i = 0; i < 2 * s.pairs; i += 2) {  // M is the transpose of I - A
         M[(i + 1) * s.n + i] = -s.b[i];
         M[i * s.n + i + 1] = s.b[i];
     }

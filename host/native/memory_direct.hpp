@@ -74,8 +74,9 @@ class DirectMemory {
         for (int i = 0; i < N; ++i) S[i] = nest.state[i];
     }
 
-    // Computes V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}, where P_{k-j} is the variance of the state j
-    // samples ago. The weights c_j and the number L(k) of past states are those of state_sums().
+    // Computes V = sum_{j=2}^{L(k)} c_j² P_{k-j} for one order. P_{k-j} is the variance of the state j
+    // samples ago. The weights c_j, which depend on the order, and the number L(k) of past states are those
+    // of state_sums().
     T variance_sum(T order) const {
         const T orders[1] = {order};
         Nest<T, 0, 1> nest(orders);

@@ -21,7 +21,7 @@
 
 namespace nb = nanobind;
 
-extern const char kSourceHash[];  // source_hash.py generates the file that defines it
+extern const char kSourceHash[];  // defined in a file that source_hash.py generates
 
 namespace {
 

@@ -10,10 +10,12 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Computes sum_{j=1}^{n} c_j(a) x_j for N orders, and sum_{j=2}^{n} c_j(a)^2 P_j for the first M of these
-// orders, where M is 0 or 1. The recurrence acc_j = x_j + (c_{j+1}/c_j) acc_{j+1} runs from the oldest sample
-// to the newest. No weight c_j is computed, so no weight can overflow before the sum does. Each sample needs
-// two operations per order.
+// Computes two sums over past states x_j and their variances P_j, where j = 1 is the newest and j = n the
+// oldest: sum_{j=1}^{n} c_j x_j for each of N orders, and, if M is 1, sum_{j=2}^{n} c_j² P_j for the first of
+// these orders. The weights c_j depend on the order (see the top of this file).
+//
+// The first sum is c_1 s_1, where s_j = x_j + (c_{j+1}/c_j) s_{j+1} is computed from j = n down to j = 1; the
+// second sum is computed likewise. No weight c_j is computed, so no weight can overflow before the sum does.
 template <class T, int N, int M>
 class Nest {
     typedef Real<T> R;
@@ -46,9 +48,9 @@ class Nest {
         for (; j > kHead; j -= 2) {
             two(x[j - 2], P[j - 2], T(reciprocal[j]), x[j - 1], P[j - 1], T(reciprocal[j + 1]));
         }
-        // This loop processes the newest kHead samples. An accumulator is the sum so far, divided by the
-        // weight c_j of the last sample that was added. At the end, the accumulator is therefore multiplied
-        // by c_1 = -a.
+        // This loop processes the newest kHead samples. After sample j was added, `state` is the sum so far
+        // divided by the weight c_j. At the end j is 1, so `state` is multiplied by c_1 = -a. Likewise,
+        // `variance` is divided by c_j² and then multiplied by c_1².
         for (; j > 1; --j) head(x[j - 1], P[j - 1], R(j), reciprocal[j + 1]);
         if (j == 1) head(x[0], T(R(0)), R(1), reciprocal[2]);
         for (int i = 0; i < N; ++i) state[i] = -order_[i] * state[i];

@@ -35,7 +35,7 @@ class NoiseModel {
         weigh();
         stays_ = rivals_.back().weight;
     }
-    // Starts all filters. The offset is then unknown.
+    // Starts all filters. They then know nothing about the offset, the state that may step.
     void start() {
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
             rivals_[i].filter.start(&of_->rival(i).system, &of_->rival(i).map);
@@ -72,17 +72,19 @@ class NoiseModel {
         return e;
     }
 
-    // Returns the innovation with which the samples are tested for steps of the bias, divided by its standard
-    // deviation.
-    // `e`: the weighted innovation of all systems. If the system whose offset does no random walk has been
-    // the more likely one for long, the innovation of that system is used instead. The offset of the other
-    // system would follow a step, and so would hide the step.
+    // Returns the innovation that the test for steps of the bias uses, divided by its standard deviation.
+    // `e`: the weighted mean of the innovations of all systems.
+    //
+    // Normally, that is `e`. But if the system whose offset does no random walk has been the more likely one
+    // for long, it is this system's innovation. The offset of the other system follows a step, so that the
+    // innovations of that system hardly show the step.
     double for_steps(double e) const {
         const Rival& still = rivals_.back();
         return rivals_.size() > 1 && stays_ > 0.5 ? still.e / std::sqrt(still.S) : e / std::sqrt(variance_);
     }
-    // Resets the weights of the systems to those before the newest samples. Call this when a step was
-    // detected: the step explains these samples, so they do not show which system is likelier.
+    // Resets the weights of the two systems to their mean over the newest few thousand samples. Call this
+    // when a step was detected: the last few samples are explained by the step, so they do not show which
+    // system is likelier.
     void forget_newest() {
         if (rivals_.size() < 2) return;
         rivals_.front().unlikely = TrackerModel::unlikely(1 - stays_);
@@ -140,8 +142,10 @@ class NoiseModel {
         variance = std::fmax(variance - mean * mean, 0);
     }
 
-    // Raises the variance of a step of the offset's random walk to `q`. Returns false if this variance is at
-    // least `q` already, or if no filter can work with the changed system.
+    // Replaces the model by its likelier system alone, in which the offset does a random walk with larger
+    // steps, of variance `q`, and starts the filter. Returns false and changes nothing if there is no such
+    // offset, if its steps have this variance or more already, or if no filter can work with the changed
+    // system.
     bool raise_walk(double q, const BiasLengths& lengths) {
         const int i = offset();
         if (i < 0) return false;
@@ -230,13 +234,14 @@ class NoiseModel {
     }
 
   private:
-    // Limit for the difference between the log likelihoods of two systems. The limit lets the less likely
-    // system soon become the likelier one again.
+    // kMostLikely: largest difference between the log likelihoods of two systems. A larger difference is
+    // reduced to this. The less likely system can therefore soon become the likelier one again.
     static constexpr double kMostLikely = 12, kClip = 6, kSlow = 1 / 2048.0;
 
     struct Rival {
         Filter filter, before[2];
-        // innovation, its variance, and weight of this system at the newest sample
+        // `e`: innovation of this system's filter at the newest sample. `S`: variance of that innovation.
+        // `weight`: weight of this system among the candidates
         double e = 0, S = 1, weight = 1;
         // -log L of the samples if this system describes them, up to a constant
         double unlikely = 0, unlikely_before[2] = {0, 0};
@@ -266,7 +271,7 @@ class NoiseModel {
     std::vector<Rival> rivals_;
     std::size_t best_ = 0;
     double variance_ = 1;
-    // mean probability of that candidate system whose offset does no random walk, over the newest few
+    // weight of the last candidate system, whose offset does no random walk: mean over the newest few
     // thousand samples
     double stays_ = 1;
 };

@@ -11,8 +11,8 @@ namespace fltea {
 namespace track {
 
 // A state to be appended to a system. Its evolution does not depend on other states. `variance`: variance of
-// the state before the first sample. `shared`: variance of a further component of the state. The previous
-// state has this component with the opposite sign, so that it cancels in the sum of both states.
+// the state before the first sample. `shared`: the part of this variance that comes from a component which
+// the previous state has, too, but with the opposite sign. The component cancels in the sum of both states.
 struct Coordinate {
     double a, q, variance, signal, shared;
 };
@@ -162,7 +162,7 @@ inline void sums_ahead(const System<kMost>& s, const double* c, double R, const 
         for (int k = 0; k < count; ++k) {
             if (((counts[k] >> bit) & 1) == 0) continue;
             std::memcpy(rows, to[k].row, sizeof(double) * std::size_t(n));
-            rows[n] = 1;  // the sum of further samples is added to the sum so far
+            rows[n] = 1;  // weight of the last state, which is the sum of the samples until then
             to[k].variance += form(rows, Q, rows, all);
             for (int j = 0; j < n; ++j) {
                 double sum = 0;

@@ -1,10 +1,11 @@
-// Searches the spectral lines of an octave spectrum (host/fltea/spectrum/ordinates.py) for the most
-// significant peak. A peak is a stretch of neighbouring lines whose mean power exceeds that of the lines on
-// either side by more than chance explains. The lines on either side are the flanks of the peak.
+// Searches an octave spectrum (host/fltea/spectrum/ordinates.py) for the most significant peak. The spectrum
+// consists of lines. A line is the mean power of one or more ordinates; an ordinate is the power at a single
+// frequency of a periodogram. A peak is a range of neighbouring lines whose mean power exceeds that of its
+// flanks, the lines on either side, by more than chance explains.
 //
-// Most lines are averages over blocks of samples under Hann's window. Such a line has more than two degrees
-// of freedom, and neighbouring lines are correlated. A stretch of a few lines therefore has more degrees of
-// freedom per line than a long one.
+// Most lines are averages over blocks of samples under Hann's window. The powers of neighbouring averaged
+// lines are correlated, so each further line of a range adds less information than the first one. A short
+// range therefore has more degrees of freedom per line than a long one.
 #pragma once
 
 #include <algorithm>
@@ -21,27 +22,29 @@ struct Found {
     double level;  // noise level around the peak
 };
 
-// Constants of the search. host/fltea/spectrum/ordinate_peak.py has those constants that another search uses,
-// too, and explains them.
+// Constants of the search. Those that the search in whole recordings has, too, are explained there
+// (host/fltea/spectrum/ordinate_peak.py).
 constexpr double kFlank = 48;  // least number of ordinates in a flank
 constexpr double kWidestShare = 0.08;
-// least number of lines in a flank (neighbourhood of a peak), even if fewer lines have kFlank ordinates
+// least number of lines in a flank, even where fewer lines stand for kFlank ordinates
 constexpr std::size_t kShortestFlank = 12;
 // least number of lines in a flank that the spectrum's edge cuts short
 constexpr std::size_t kLeastFlank = 4;
 constexpr double kLeastInFlank = 16;  // least number of ordinates in such a flank
-constexpr std::size_t kEndFlank = 4;  // number of lines in the flank below a line near frequency 0
-// Widths of stretches near the ends of the spectrum [lines]. Near the ends, the search is only for peaks as
-// narrow as a single frequency.
+constexpr std::size_t kEndFlank = 4;  // least number of lines in the lower flank near frequency 0
+// Widths of ranges near the ends of the spectrum [lines]. There, the search is only for peaks as narrow as a
+// spectral line of a single frequency.
 constexpr std::size_t kEndWidths[] = {1, 2};
-// Near an end of the spectrum, there is only one flank. It is divided into two parts with the means `near`
-// and `far`, and the noise level is extrapolated as near²/far. If both parts have equally many ordinates, the
-// variance of this level is kContinued times the variance of `near`.
+// At an end of the spectrum, a range may have only one flank. It is divided into two parts with the means
+// `near` (next to the range) and `far`. The noise level at the range is extrapolated as near²/far. If both
+// parts have equally many ordinates, the relative variance of this level is kContinued times that of `near`:
+// 4 times from near², and once from `far`.
 constexpr double kContinued = 5;
-// largest number of averaged lines in a stretch; so many lines are a fifth of an octave
+// largest number of lines in a range that contains averaged lines; 8 such lines are a fifth of an octave
 constexpr std::size_t kWidest = 8;
 // If the noise level were known, a peak would be significant if it raised the log likelihood by a certain
-// gain (hopeless()). A stretch of neighbouring lines is tested only if it reaches this fraction of that gain.
+// gain, which hopeless() computes. A range of lines is tested only if its gain is at least this fraction of
+// that gain.
 constexpr double kHopeless = 0.6;
 // least noise level that is assumed, as a fraction of the mean of the spectrum
 constexpr double kLeastLevel = 1e-12;
@@ -64,9 +67,9 @@ inline double f_deviate(double ratio, double a, double b) {
     return d * std::sqrt(spread);
 }
 
-// Returns the standard normal deviate that is exceeded with the probability `probability`, which is below
-// 0.5. Newton's method solves for the logarithm of the probability, which is a concave function of the
-// deviate. The iteration begins above the solution.
+// Returns the standard normal deviate z that is exceeded with the probability `probability`, which is below
+// 0.5. Newton's method solves for the logarithm of the probability, which is a concave function of z. The
+// iteration begins above the solution, so each step comes closer to the solution from above.
 inline double critical(double probability) {
     double z = std::sqrt(-2 * std::log(2 * probability));
     for (int step = 0; step < 50; ++step) {
@@ -116,8 +119,9 @@ class Search {
     double mean(Range r) const { return (sums_[r.to] - sums_[r.from]) / std::fmax(weight(r), 1e-300); }
     bool is_averaged(std::size_t i) const { return averaged_[i + 1] != averaged_[i]; }
 
-    // Returns the effective number of independent ordinates in `width` neighbouring averaged lines, divided
-    // by the sum of the lines' weights.
+    // Returns the effective number of independent ordinates in `width` neighbouring averaged lines, as a
+    // multiple of the sum of the lines' weights. The factor is near 1 for many lines, and nearly 2 for a
+    // single line.
     static double gathered(std::size_t width) {
         // correlations between the powers of lines under Hann's window
         const double of_next = 4.0 / 9, of_second = 1.0 / 36;
@@ -132,14 +136,13 @@ class Search {
     static double gain_of(double effective, double ratio) {
         return effective * (ratio - 1 - std::log(ratio));
     }
-    // Returns the least gain in log likelihood with which a stretch of lines may be significant, which means
-    // that it exceeds `deviate` standard deviations. A stretch with a smaller gain needs no exact test, and
-    // most stretches have a smaller one. If the noise level were known, a stretch would exceed about √(2
-    // gain) standard deviations.
+    // Returns the gain in log likelihood below which a range of lines is not tested. The test is whether the
+    // range exceeds the noise level by `deviate` standard deviations. If the noise level were known, this
+    // would need a gain of about deviate²/2. Most ranges are far below that, and need no exact test.
     static double hopeless(double deviate) { return kHopeless * deviate * deviate / 2; }
 
-    // Returns the index at which a range of lines has to begin if it ends before `end` and must have at least
-    // `lines` lines, which together stand for at least `ordinates` periodogram ordinates.
+    // Returns the index at which a range of lines has to begin if it ends before `end`. The range must have
+    // at least `lines` lines, and together these must stand for at least `ordinates` ordinates.
     std::size_t down(std::size_t end, double ordinates, std::size_t lines) const {
         const auto next = std::upper_bound(weights_.begin(), weights_.end(), weights_[end] - ordinates);
         const std::ptrdiff_t enough = next - weights_.begin() - 1;
@@ -153,8 +156,8 @@ class Search {
     }
 
     std::vector<Try> tries() const {
-        // A flank needs at least kFlank ordinates. For each line: where the shortest flank at higher
-        // frequencies ends (`to`), and where the shortest flank at lower frequencies begins (`from`).
+        // A flank needs at least kFlank ordinates. to[i]: where the shortest such flank ends that begins at
+        // line i. from[i]: where the shortest such flank begins that ends before line i.
         std::vector<std::size_t> to(size_ + 1), from(size_ + 1);
         for (std::size_t i = 0, high = 0, low = 0; i <= size_; ++i) {
             while (high <= size_ && weights_[high] < weights_[i] + kFlank) ++high;
@@ -186,8 +189,9 @@ class Search {
         if (all.empty()) return;
         const double deviate = critical(false_alarm / static_cast<double>(all.size()));
         const double hope = std::fmax(hopeless(deviate), best.gain);
-        // Among the stretches that pass the test, the one with the largest gain in log likelihood is chosen.
-        // A choice by the largest deviate would favour wide stretches, because their flanks are longer.
+        // Among the ranges that pass the test, the one with the largest gain in log likelihood is chosen. The
+        // largest deviate would be the wrong choice: wide ranges have longer flanks, so that a peak of the
+        // same height has a larger deviate there.
         for (const Try& one : all) {
             const double low = mean(one.low), high = mean(one.high), level = std::fmax(low, high);
             const double ratio = mean(one.own) / std::fmax(level, least_);
@@ -201,9 +205,9 @@ class Search {
         }
     }
 
-    // A stretch that is too close to an end of the spectrum for two complete flanks (the lines on either
-    // side). If `two_sided` is true, there are enough lines on both sides, and the stretch is compared with
-    // both. Otherwise it is compared with two neighbouring parts of the lower flank.
+    // A range of lines that is too close to an end of the spectrum for two complete flanks. If `two_sided` is
+    // true, the range is compared with a flank on each side: `near` below and `other` above it. Otherwise it
+    // is compared with two parts of the lower flank: `near` is next to it, and `other` is below `near`.
     struct AtAnEnd {
         Range own, near, other;
         bool two_sided;
@@ -221,8 +225,8 @@ class Search {
                 std::min(filled, index(size_) - index(kLeastFlank)) - 2 * index(width);
             for (std::ptrdiff_t at = index(kEndFlank + width); at < std::min(first, last + 1); ++at)
                 found.push_back(at_an_end(static_cast<std::size_t>(at), width));
-            // The level of steep noise can rise so far from one averaged line to the next that the rise
-            // cannot be distinguished from a peak.
+            // In steep noise, the power can rise so much from one averaged line to the next that the rise
+            // looks like a peak. A range of two averaged lines is therefore not tried here.
             if (width > 1 && is_averaged(size_ - 1)) continue;
             for (std::ptrdiff_t at = std::max(last + 1, first); at <= index(size_) - index(width); ++at)
                 found.push_back(at_an_end(static_cast<std::size_t>(at), width));
@@ -254,7 +258,7 @@ class Search {
             if (!(ratio > 1)) continue;
             const double gain = gain_of(own, ratio);
             if (!(gain > std::fmax(hopeless(deviate), best.gain))) continue;
-            // The stretch has to pass the test with each of the two flanks alone, because a short flank is
+            // The range has to pass the test with each of the two flanks alone, because a short flank is
             // often low by chance.
             const auto passes = [&](double around, double ordinates) {
                 return f_deviate(mean(one.own) / around, 2 * own, 2 * ordinates) > deviate;

@@ -111,8 +111,8 @@ class Octaves {
         return copy;
     }
 
-    // Adds to the Welch sums those samples that the lowest level still keeps singly, so that the record of
-    // the spectrum over time includes them.
+    // The level with the lowest sampling rate keeps its samples as they are. Turns these samples into Welch
+    // sums (sums of the power spectra of blocks), so that the record of the spectrum over time includes them.
     void deepen() {
         if (accepted_.ladder.depth() < accepted_.ladder.kLevels - 1) accepted_.ladder.deepen();
     }

@@ -109,10 +109,10 @@ class Octaves : public fltea::SumsPart {
         return found;
     }
 
-    // Returns three things. First, a list with an entry for each level that has Welch sums: the sums of
-    // |FFT|^2, the number of blocks, and the effective number of blocks. Second, the samples of the level
-    // below these, which are kept as they are, without sums (float32). Third, the lengths of the stretches of
-    // these samples (int32).
+    // Returns three things. First, a list with an entry for each level that has Welch sums (sums of the power
+    // spectra of blocks): the sums of |FFT|^2, the number of blocks, and the effective number of blocks.
+    // Second, the samples (float32) of the level with the next lower sampling rate, which keeps them as they
+    // are. Third, the number of these samples in each stretch (int32).
     nb::tuple spectrum(size_t lane) const {
         const Lane finished = finished_lane(lane);
         const Ladder& ladder = finished.ladder();
@@ -146,8 +146,8 @@ class Octaves : public fltea::SumsPart {
         return nb::make_tuple(finished.now(), levels);
     }
 
-    // Returns the averaging factors, the Allan variance at each of them, the number of terms in each, and the
-    // number of recent samples that they describe.
+    // Returns four things: the averaging factors; the Allan variance at each factor; the number of terms that
+    // were averaged for each of these variances; and the number of recent samples that all this describes.
     std::tuple<std::vector<double>, std::vector<double>, std::vector<double>, double> allan(
         size_t lane) const {
         const Lane finished = finished_lane(lane);

@@ -9,8 +9,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Splits x into n and m with x = 2^n m, where m is between 1/√2 and √2. Writes n in the form of the bits of
-// the double 2^52 + 1023 + n.
+// Splits x into n and m with x = 2^n m, where m is between 1/√2 and √2. `shifted` is 2^52 + 1023 + n: the
+// bits of such a double can be made from those of x by integer instructions alone.
 template <class T>
 struct Binary {
     T shifted, m;

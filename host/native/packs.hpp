@@ -173,8 +173,8 @@ class Packs {
             in = get(in, &position, sizeof position);
             if (!Kind::plausible(position, shape_)) return false;
             lane(i).memory().set_position(position);
-            // The tables in the storage are not loaded: the engine keeps its own, so no snapshot can corrupt
-            // them.
+            // The tables in the snapshot's storage are skipped. The engine keeps its own tables, so that a
+            // damaged snapshot cannot corrupt them.
             get(in, memory_storage(i), history * sizeof(Number));
             in += all * sizeof(Number);
             if (!sound_pack(i)) return false;

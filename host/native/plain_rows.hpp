@@ -28,8 +28,8 @@ struct RowForm {
 
 class PlainRows {
   public:
-    // `decimal`: the decimal mark that numbers in earlier lines had, '.' or ',', or 0 if no number had one. A
-    // comma is a decimal mark only if it does not separate fields.
+    // `decimal`: the decimal mark of the numbers in earlier lines, '.' or ','; 0 if none of them had a
+    // decimal mark. Where commas separate fields, a comma is never a decimal mark.
     PlainRows(RowForm form, char decimal) : form_(std::move(form)), decimal_(decimal) {
         for (std::size_t k = 0; k < form_.places.size(); ++k) {
             const std::size_t place = form_.places[k];

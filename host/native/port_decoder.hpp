@@ -56,15 +56,15 @@ class PortDecoder {
         return watch_.is_news(kind, at.host_ns);
     }
 
-    // Input: the bytes of `n` consecutive reads. The last read ends where the bytes end. If there was a
-    // silence between reads, next() also returns ticks for it.
+    // Input: the bytes of `n` consecutive reads, one after another; there are reads[n - 1].end bytes. If
+    // nothing came for a while between two reads, next() also returns ticks for that time.
     void feed(const std::uint8_t* data, const PortRead* reads, std::size_t n, std::int64_t now_ns) {
         begin(data, reads, n, now_ns);
         tells_time_ = true;
     }
 
-    // Input: the bytes of one read. There are no ticks for a silence before this read, because the caller
-    // makes them.
+    // Input: the bytes of one read. This makes no ticks for the time before the read, because the caller has
+    // already called silent() for it.
     void feed_one(const std::uint8_t* data, const PortRead& read, std::int64_t now_ns) {
         begin(data, &read, 1, now_ns);
         tells_time_ = false;
@@ -82,8 +82,8 @@ class PortDecoder {
         }
     }
 
-    // Input: no bytes will come before the time `until_ns`. next() then returns ticks at regular times until
-    // then.
+    // Input: no bytes will come before the time `until_ns`. After this, next() returns the ticks up to that
+    // time; a tick says that no bytes have come.
     void pass_time(std::int64_t until_ns) {
         drop();
         begin_ticks_before(until_ns);
@@ -103,13 +103,13 @@ class PortDecoder {
         before_ns_ = now_ns;
     }
 
-    // Accepts the HELLO that was the last item. Call this or refuse_hello() before the next item, because it
-    // decides how the following bytes are interpreted.
+    // Accepts the HELLO that next() returned last. Call this or refuse_hello() before the next call of
+    // next(), because the decision determines how the following bytes are interpreted.
     void accept_hello() {
         accepted_.assign(hello_, hello_ + hello_size_);
         watch_.on_hello(true);
     }
-    // Refuses the HELLO that was the last item. Returns whether the refusal has to be reported.
+    // Refuses the HELLO that next() returned last. Returns whether this refusal has to be reported.
     bool refuse_hello() {
         watch_.on_hello(false);
         return watch_.is_news("bad_hello", hello_ns_);
@@ -133,8 +133,8 @@ class PortDecoder {
     }
 
   private:
-    // The last item that the caller received: at which offset it ended, and how many frames it had. The next
-    // call of next() adds this to the counts.
+    // What the caller received with the last item: the offset at which that item ended, and its number of
+    // frames. The next call of next() adds these to the counts.
     struct Handed {
         bool is_any = false;
         std::int64_t end = 0, frames = 0;
@@ -198,8 +198,9 @@ class PortDecoder {
     std::int64_t end_before(std::size_t read) const { return read == 0 ? 0 : reads_[read - 1].end; }
 
     // Continues with the next part of the input. A part consists of the reads that are decoded together.
-    // These are all reads within one second that came close to each other, or a single read if a trouble may
-    // become due between the reads. Ticks for the silence before the part come first.
+    // These are all reads within one second that came close to each other. But if a trouble of the port may
+    // have to be reported between two of them, a part is a single read. Ticks for the silence before the part
+    // come first.
     void next_part() {
         if (at_ == group_end_) {
             group_end_ = end_of_group();
@@ -248,8 +249,8 @@ class PortDecoder {
         check_is_due_ = true;
     }
 
-    // Returns the read (one call of the system's read()) that brought the last byte of a frame. `end`: offset
-    // just after that byte, in the part of the input that is being decoded (next_part()).
+    // Returns the read (one call of the system's read()) that brought the last byte of a frame. `end`: number
+    // of bytes from the beginning of the present part (next_part()) to the end of the frame.
     const PortRead* read_of(std::int64_t end) const {
         return std::lower_bound(reads_.data() + part_begin_, reads_.data() + at_, base_ + end,
                                 [](const PortRead& read, std::int64_t at) { return read.end < at; });
@@ -288,8 +289,8 @@ class PortDecoder {
         if (row_ == stop) hand_run(stop);
     }
 
-    // Notes that the caller has received all samples with an index below `stop` that came after the last
-    // frame of another type.
+    // Notes that the caller has received the samples between the last frame of another type and the sample
+    // with the index `stop` in found_.samples, which is not included.
     void hand_run(std::size_t stop) {
         const std::size_t begin = other_ == 0 ? 0 : found_.others[other_ - 1].row;
         handed_ = {true, found_.samples[stop - 1].end, static_cast<std::int64_t>(stop - begin), Reason::none};
@@ -369,17 +370,17 @@ class PortDecoder {
     std::int64_t before_ns_ = 0;  // time at which this program had last processed all input
     std::int64_t last_ns_ = 0;    // time of the last event or tick
     std::int64_t ticks_left_ = 0, next_tick_ns_ = 0;
-    bool check_is_due_ = false;  // whether the port has to be checked for troubles, as of the time last_ns_
+    bool check_is_due_ = false;  // whether troubles have to be looked for, up to last_ns_
 
-    // The input. Reads before the index `at_` are being processed or are processed already. The present group
-    // consists of reads that came close to each other. It ends before the index `group_end_`.
+    // The input. Reads before the index `at_` are being decoded or are decoded already. Reads that came close
+    // to each other are a group; the present group ends before the index `group_end_`.
     std::vector<std::uint8_t> bytes_;
     std::vector<PortRead> reads_;
     std::size_t at_ = 0, group_end_ = 0;
     bool tells_time_ = false, is_judged_ = false, is_settled_ = false;
 
-    // The part in progress: the reads from index `part_begin_` to before `at_`. Their bytes begin at the
-    // offset `base_`.
+    // The part of the input that is being decoded (next_part()): the reads from index `part_begin_` to before
+    // `at_`. Their bytes begin at the offset `base_`.
     bool in_part_ = false;
     std::size_t part_begin_ = 0, row_ = 0, other_ = 0;
     std::int64_t base_ = 0, bytes_in_ = 0, bytes_before_ = 0;
