@@ -210,7 +210,7 @@ class Port:
         except Exception as error:
             if not data:
                 return self.lost(error)
-            self._untold = error  # this call returns the byte that was read; the next reports the error
+            self._untold = error  # this call returns the bytes read so far; the next call reports the error
         if not data:
             return None
         self.has_worked()
