@@ -41,8 +41,8 @@ std::int64_t now_ns(clockid_t clock) {
 
 std::system_error system_error(const char* what) { return {errno, std::generic_category(), what}; }
 
-// Blocks all signals in this thread as long as the object exists. A thread that is started meanwhile inherits
-// the block, so that Python's own threads handle all signals.
+// Blocks all signals in this thread as long as the object exists. A thread that is started meanwhile also has
+// them blocked. Signals therefore reach Python's own threads, which handle them.
 class SignalsBlocked {
   public:
     SignalsBlocked() {

@@ -98,7 +98,8 @@ class PortStream {
     PortStop run(std::int64_t now_ns) {
         while (is_busy_) {
             if (held_ != PortStop::kNothing && !has_new_rows_) {
-                // before the caller learns of the stop `held_`, it receives the rows of earlier samples
+                // `held_` is the next stop that the caller has to learn of; first, it fetches the rows of
+                // earlier samples
                 if (rows_.rows() > 0) return PortStop::kRows;
                 if (held_ == PortStop::kItem && says_hello() && !reads_.reads.empty())
                     return PortStop::kReads;
@@ -212,10 +213,10 @@ class PortStream {
     bool is_busy_ = false, has_samples_ = false, is_lost_ = false;
     // what run() will return as soon as the caller has all earlier samples
     PortStop held_ = PortStop::kNothing;
-    // whether the newest rows that the device has returned still have to be collected in `rows_`; whether
-    // these rows could not be printed
+    // has_new_rows_: the newest rows that the device has returned are not in `rows_` yet
+    // is_text_missing_: these rows could not be printed
     bool has_new_rows_ = false, is_text_missing_ = false;
-    bool is_unprinted_ = false;  // whether the rows that wait for the caller were not printed as text
+    bool is_unprinted_ = false;  // whether the caller has to print the rows that wait
 };
 
 }  // namespace fltea

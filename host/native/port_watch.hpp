@@ -14,7 +14,7 @@ constexpr std::int64_t kSecondNs = 1'000'000'000;
 struct PortTimes {
     // there is a trouble if a device has sent nothing, or nothing readable, or no HELLO for this time
     std::int64_t silence_ns;
-    std::int64_t tick_ns;    // after a silence of this length, a port gets a tick (an item kTick)
+    std::int64_t tick_ns;    // a port without bytes for this time gives an item kTick
     std::int64_t repeat_ns;  // after this time, the same trouble is reported again
 };
 
@@ -60,7 +60,8 @@ class PortWatch {
     }
     void on_failed() { is_connected_ = false; }
 
-    // Begins again to measure the times after which a trouble is reported.
+    // From now on, counts the time without bytes, without readable frames and without a HELLO again. This is
+    // needed when the port was opened, or when the program itself was not running for a while.
     void forgive(std::int64_t now_ns) {
         opened_ns_ = byte_ns_ = now_ns;
         has_unread_ = false;

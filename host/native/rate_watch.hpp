@@ -1,8 +1,10 @@
 // Checks whether the times of samples agree with the rate that their device states. A device numbers its
 // sampling instants and adds its own time to each sample, so numbers and times together give the true rate.
-// The rate that HELLO states is a constant of the firmware. A check of single samples would have to accept
-// time differences that are wrong by one period, and so it would accept even a device with half the stated
-// rate.
+// The rate that HELLO states is a constant of the firmware.
+//
+// A check of single samples is not enough. It has to accept time differences that are wrong by one period,
+// because samples may come in bursts. If a device has half the stated rate, its samples are two of the stated
+// periods apart. This is wrong by only one period, and would be accepted.
 #pragma once
 
 #include <cmath>
@@ -13,14 +15,15 @@ namespace fltea {
 
 class RateWatch {
   public:
-    // From the stated rate follows how long a number of samples should take. The rate counts as different if
-    // the measured time differs from this expected time by more than kTolerance times the expected time plus
-    // kPeriods sampling periods. Sensor clocks are accurate to 1 %, cheap ones to 5 %. A burst of samples can
-    // shift each end of the measured time by one period.
+    // The stated rate says how long a number of samples should take (expected time). The rate counts as
+    // different if the measured time differs from the expected time by more than the sum of two terms:
+    // kTolerance times the expected time, and kPeriods sampling periods. The first term allows for sensor
+    // clocks, which are accurate to 1 %, cheap ones to 5 %. The second allows for bursts of samples, which
+    // can shift each end of the measured time by one period.
     static constexpr double kTolerance = 0.05, kPeriods = 2;
-    // kLeastPairs: A verdict needs this number of consecutive pairs of neighbouring samples whose rates are
-    // similar. kWindow: After this number of sampling instants, the check restarts, so that it uses only
-    // recent samples.
+    // kLeastPairs: A verdict needs this number of consecutive pairs of neighbouring samples. The rates of
+    // these pairs have to be similar. kWindow: After this number of sampling instants, the check restarts, so
+    // that it uses only recent samples.
     static constexpr std::int64_t kLeastPairs = 20, kWindow = 200;
     // A step of the sample number that is larger than this is not used, because the number may have wrapped.
     static constexpr std::int64_t kLargestStep = 64;

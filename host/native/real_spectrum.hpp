@@ -38,8 +38,8 @@ class RealTables {
     Number even_[kHalf], odd_[kHalf], cosine_[kHalf], sine_[kHalf];
 };
 
-// The number types for spectra that are computed in Number, which is float or double. 20 levels (kMostLevels)
-// cover half a year of samples at 100 Hz.
+// The number types of a running spectrum that is computed with the type Number, which is float or double.
+// kMostLevels: largest number of levels. 20 levels cover half a year of samples at 100 Hz.
 template <typename Number, int kMostLevels = 20, int kMostKept = 3072>
 struct RealSpectrum {
     typedef double Input;  // samples, which have to be finite and within ±1e100

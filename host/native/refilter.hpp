@@ -16,17 +16,18 @@ namespace track {
 
 namespace refilter {
 
-// A state counts as fast if its relaxation time is shorter than 1 / kSlow of the time over which a mean is
-// taken. In the means, a fast state contributes white noise.
+// A mean is taken over m samples. A state counts as fast if its relaxation time is shorter than m / kSlow
+// samples. In the means, a fast state contributes white noise.
 constexpr double kSlow = 6;
 // Relative rounding error of the elements of a covariance. Elements that are relatively smaller than this
 // count as 0.
 constexpr double kRounding = 1e-9;
 
-// A system that describes means of m samples by the slow states of a noise model's system. One of its steps
-// takes the time of m samples, and its measurement is the mean of these samples. `of`: indexes of the n slow
-// states in the whole system. The states at the end of the m samples do not determine the mean alone. The
-// rest of the mean is an additional, last state, which is independent from step to step.
+// Describes how means of m samples depend on the slow states of a noise model's system. One step of this new
+// system takes the time of m samples, and its measurement is their mean. `of`: indexes of the n slow states
+// in the noise model's system. Apart from measurement noise, the mean is the sum of two terms: one follows
+// from the slow states at the end of the m samples, and the other is independent from step to step. The
+// latter is an additional, last state.
 struct Coarse {
     System<kMost> system;
     int n, of[kMost];
@@ -73,7 +74,8 @@ struct Sums {
         samples *= 2;
     }
 
-    // The system for a step of `samples` samples. Only the matrices A and Q of this system are used.
+    // A system whose step has the length of `samples` samples. Of its members, only the matrices A
+    // (transition) and Q (covariance of the noise of a step) are used.
     System<kMost> step;
     double samples = 1, row[kMost], both[kMost], variance;
 
@@ -110,7 +112,8 @@ inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
     System<kMost>& q = to.system;
     Sums sums(s);
     while (sums.samples < m) sums.twice();
-    // how the mean depends on the fast states, as they were before the samples of the mean
+    // weights in the mean: how much each fast state, as it was before the m samples, contributes to their
+    // mean
     double fast[kMost];
     int n = 0;
     for (int i = 0; i < s.n; ++i) {
@@ -118,8 +121,8 @@ inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
         if (is_slow(s, i, m)) to.of[n++] = i;
     }
     to.n = n;
-    // If the slow states leave no room for the additional state (Coarse), its noise is treated as white and
-    // independent of the other states.
+    // If there are kMost slow states, the additional state (Coarse) has no place. Its noise is then treated
+    // as white, and added to the measurement noise R.
     const bool room = n < kMost;
     q.n = n + (room ? 1 : 0);
     q.pairs = 0;
@@ -326,8 +329,8 @@ void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, 
         x_then[part.of[k]] = filter.x[k];
         for (int l = 0; l < n; ++l) P_then[part.of[k] * s.n + part.of[l]] = filter.P[k * all + l];
     }
-    // A pair of poles always counts as fast. If it is slow in fact, so much precision may be lost that the
-    // result is invalid. x and P then stay as they were before the means.
+    // A pair of poles always counts as fast. If such a pair in fact decays slowly, so much precision may be
+    // lost that the result is invalid. x and P then stay as they were before the means.
     if (!is_finite(x_then, s.n) || !is_covariance(P_then, s.n)) return;
     std::memcpy(x, x_then, sizeof x_then);
     std::memcpy(P, P_then, sizeof(double) * std::size_t(s.n * s.n));

@@ -17,9 +17,9 @@ namespace track {
 
 class Refiltered {
   public:
-    // Largest number of samples that may come while the copied samples are filtered. The memory averages
-    // samples that are older than the newest Past::kSingle. After so few more samples, the newest copied
-    // sample is not yet averaged.
+    // Largest number of samples that may come while the copied samples are filtered. The memory keeps the
+    // newest Past::kSingle samples singly, and averages older ones. If no more than kMostToCome samples have
+    // come, the newest copied samples are still kept singly.
     enum { kMostToCome = Past::kSingle / 2 };
 
     // `steps`: a step test with the statistics of the innovations so far. `to_come`: number of samples that
@@ -38,8 +38,8 @@ class Refiltered {
     }
 
     const std::shared_ptr<TrackerModel>& model() const { return model_; }
-    // Whether the tracker's `memory` now holds the samples that were filtered here, followed by exactly
-    // `to_come` more, whose values may be any.
+    // Whether the tracker's `memory` has the samples that were filtered here, and after them exactly
+    // `to_come` newer samples. The values of the newer samples do not matter.
     bool expects(const Remembered& memory) const { return then_.is(memory, to_come_); }
     // Filters the `to_come` samples that came after those that the constructor has filtered.
     void go_on(const Remembered& memory) { take(memory, memory.singles() - to_come_, memory.singles()); }

@@ -93,8 +93,8 @@ struct Remembered {
         add(__builtin_nanf(""));
         if (kept == kRecent) roll();
     }
-    // Whether all remembered samples and steps equal those of `other`, apart from the values of the newest
-    // `but_newest` samples.
+    // Whether `other` remembers the same samples and the same steps of the bias. The values of the newest
+    // `but_newest` samples may differ.
     bool is(const Remembered& other, int but_newest) const {
         if (total != other.total || kept != other.kept || !steps.is(other.steps)) return false;
         const int recently = kept - but_newest;
@@ -103,8 +103,8 @@ struct Remembered {
                 std::memcmp(recent, other.recent, sizeof(float) * std::size_t(recently)) == 0);
     }
 
-    // Marks the newest `count` samples as unknown, except those that are kept only within means. Forgets the
-    // steps of the bias at these samples.
+    // Marks the newest `count` samples as unknown, except those that were already averaged into means of
+    // several samples. Forgets the steps of the bias at these samples.
     void forget(int count) {
         for (int i = kept - count < 0 ? 0 : kept - count; i < kept; ++i) recent[i] = __builtin_nanf("");
         if (count > kept) past.forget(count - kept);
@@ -135,8 +135,8 @@ struct Remembered {
         return found;
     }
 
-    // Returns number, mean and variance of the known samples among the `count` samples before the newest
-    // `but` ones. If fewer samples are kept singly, those are used.
+    // Returns number, mean and variance of the known samples among the `count` samples just before the newest
+    // `but` ones. Samples that are no longer kept singly are left out.
     KnownSamples known_samples(int count, int but = 0) const {
         const std::vector<double> all = newest(but + count);
         KnownSamples found = {0, 0, 0};

@@ -2,11 +2,12 @@
 // rules are those by which the live fit leaves samples out (firmware/core/engine/gate.hpp), but chunks are
 // shorter, and the size of the noise is known from the filter.
 //
-// A chunk is a knock, which means motion, in any of three cases: the power of its innovations, without the
-// largest one, exceeds sixteen times that of the noise; one innovation exceeds a hundred standard deviations;
-// or their mean exceeds eight standard deviations of such a mean. In spite of these cases, a chunk is no
-// knock if its samples scatter no more than usual about their mean, and if that mean is no farther from the
-// bias than a bias can step.
+// A chunk that shows motion is called a knock. A chunk can be a knock for any of three reasons:
+//     - The power of its innovations, without the largest one, exceeds sixteen times that of the noise.
+//     - One innovation exceeds a hundred standard deviations.
+//     - The mean of its innovations exceeds eight standard deviations of such a mean.
+// But the chunk is no knock if its samples scatter no more than usual about their mean, and if this mean
+// differs from the bias by no more than a possible step of the bias.
 //
 // Spectral lines and other effects that are not motion remain in the filter's innovations, and samples of
 // coloured noise scatter widely about their mean. Each chunk is therefore compared with what is usual for
@@ -87,8 +88,8 @@ class RestGate {
             found.same_place = still && has_place_ && std::fabs(step) < kMean * std::sqrt(usual_step_);
             found.knock = powers_ - largest_ > most * (n - 1) || largest_ > spike ||
                           std::fabs(sum_) > apart * std::sqrt(double(n));
-            // During motion, the mean also has to be about that of the previous chunk, so that rest does not
-            // begin while the samples are still changing.
+            // During motion, a small scatter is not enough: the mean has to be about that of the previous
+            // chunk. Otherwise, rest would begin while the samples are still changing.
             const bool lies = moving ? found.same_place : still;
             if (lies && !(std::fabs(found.place - bias) > largest_step)) found.knock = false;
             if (!moving && !found.knock) {
@@ -136,7 +137,9 @@ class RestGate {
     int known_ = 0;
     bool has_place_ = false;
     double sum_ = 0, powers_ = 0, largest_ = 0, first_ = 0, place_ = 0;
-    // statistics of the present chunk's samples minus its first sample, in standard deviations of the noise
+    // From each sample of the present chunk, the chunk's first sample is subtracted. The result is divided by
+    // the standard deviation of the noise. These are the sum of the results, their sum of squares, the
+    // smallest and the largest.
     double own_ = 0, own_powers_ = 0, low_ = 0, high_ = 0;
     double usual_own_ = 1, usual_step_ = 2.0 / kChunk;
 };

@@ -58,9 +58,10 @@ class Round {
     // Call this when the port is not needed any more.
     void end(std::size_t port) { ports_[port].has_ended = true; }
 
-    // First continues with the ports for which the caller has just done something. If this gives the caller
-    // nothing new, waits for bytes, a tick, rows that are due, a wake-up or the timeout, and processes what
-    // has come. Writes to `happened` one entry for each port for which the caller has to do something.
+    // First continues with the ports at which the last round stopped, because the caller has handled them. If
+    // there is nothing new for the caller after that, waits until bytes come, a port is due for a tick (an
+    // item kTick), rows have to be fetched, another thread wakes it, or the timeout passes; then processes
+    // what has come. Writes to `happened` one entry for each port for which the caller has to do something.
     void run(double timeout_s, std::vector<Happened>& happened) {
         std::int64_t now_ns = stamp_now().host_ns;
         for (std::size_t port = 0; port < ports_.size(); ++port) {

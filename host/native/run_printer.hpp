@@ -40,8 +40,8 @@ class RunPrinter {
         return missed_ == 0 && shape_of(device, Absent::kLeftOut) == shape_;
     }
 
-    // Prints rows of the newest run. If these rows have other columns than `shape` says, they and all later
-    // rows until clear() are not printed but only counted.
+    // Prints rows of the newest run. The rows may have other columns than `shape` says. In this case, nothing
+    // is printed any more until clear() is called: these and all later rows are only counted.
     void append(const Device& device, std::size_t begin, std::size_t end) {
         if (begin >= end) return;
         if (missed_ > 0 || shape_of(device, Absent::kLeftOut) != shape_) {
@@ -74,8 +74,8 @@ class RunPrinter {
 
   private:
     enum : std::size_t { kCorrected = 7, kOfSensors = 4, kOfSensor = 3 };
-    // kNumbers: number of columns with numbers that a bank prints before its flags. kBias: index of the bias
-    // among a tracker's columns.
+    // kNumbers: number of columns with numbers among the columns of the algorithm's estimates (AxisBank);
+    // columns with flags follow them. kBias: index of the bias among a tracker's columns.
     enum : std::size_t { kNumbers = kLaneInnovationStd, kBias = 2 };
     // If the memory for text is larger than this and only a little of it is used, it is released. There may
     // be many devices, and after a wait much text of one device may come at once.
@@ -83,7 +83,8 @@ class RunPrinter {
 
     static bool has_samples(const SensorColumns& one) { return one.tracked != nullptr; }
 
-    // Returns the number of values in a row of each column, or 0 for a column that does not exist.
+    // Returns for each column how many values it has in a row. The number is 0 if the run does not have the
+    // column.
     static std::vector<std::size_t> widths_of(const RunShape& shape) {
         std::vector<std::size_t> widths = {1, 1, 1, shape[0], shape[1], shape[2], shape[3], 0};
         for (std::size_t i = kOfSensors; i < shape.size(); i += kOfSensor) {

@@ -156,8 +156,8 @@ class SensorTracker {
             const ChunkVerdict one = axes_[i].end_chunk(moving_);
             if (one.knock && by == kNone) by = int(i);
             same = same && one.same_place;
-            // If the mean of a chunk is farther from 0 than the present bias, the sensor more likely rotates
-            // than has a new bias.
+            // Most biases are small. If the mean of a chunk is farther from 0 than the present bias, a
+            // rotation of the sensor is therefore likelier than a new bias.
             const double place = one.place + axes_[i].origin();
             nearer = nearer && std::fabs(place) <= std::fabs(axes_[i].absolute_bias());
         }

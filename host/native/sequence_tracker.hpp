@@ -2,10 +2,12 @@
 // restart or a long gap), without the wraps of the wire protocol, and the number of samples that are missing
 // before it. The rules are those of protocol/README.md. The field `sequence` of SAMPLE numbers the sampling
 // instants. Within a boot, the numbers of delivered and of lost samples therefore add up to the number of
-// sampling instants, even where the sensor was set up again. If sequence and device time disagree, the device
-// was restarted or exchanged, and samples are ignored until its next HELLO. If sequence and device time go on
-// disagreeing in the same way, the device contradicts the rate in its HELLO, and samples are ignored until
-// their times agree with that rate.
+// sampling instants, even where the sensor was set up again.
+//
+// If sequence and device time of a sample disagree, the device was restarted or exchanged, and samples are
+// ignored until its next HELLO. If the samples then go on to show another rate than the HELLO states, the
+// device's clock or the HELLO is wrong. Samples are then ignored until their times agree with the stated
+// rate.
 #pragma once
 
 #include <cmath>
@@ -38,8 +40,8 @@ struct PlaceCounts {
     }
 };
 
-// The newest sample: its fields as received, and its number `seq` and its device time `epoch_us`, whose wraps
-// since the epoch began are undone.
+// The newest sample. `sequence` and `device_us` are as received, and begin again from 0 when they wrap. `seq`
+// and `epoch_us` are the same figures, but they go on rising within the epoch.
 struct Newest {
     std::int64_t sequence, device_us, host_ns, seq, epoch_us;
 };
@@ -64,8 +66,9 @@ class SequenceTracker {
     // reset of the device, sequence and device time can look as if there was a gap of up to 71 minutes. The
     // host's clock shows that there was no such gap, even if samples arrive late.
     static constexpr std::int64_t kMaxHostDisagreementUs = std::int64_t(5) * 60 * 1'000'000;
-    // Over a gap, the time that follows from the sequence numbers may differ from the device time by twice
-    // the tolerance of the sensor's own clock plus one period. That clock is accurate to 1 %.
+    // The length of a gap follows from the sequence numbers, and also from the device time. The two lengths
+    // may differ by this fraction of the length, plus one period. The clock of a sensor is accurate to 1 %;
+    // this is twice as much.
     static constexpr double kClockTolerance = 0.02;
     static constexpr std::int64_t kSequenceWrap = 1 << 16, kTimeWrapUs = std::int64_t(1) << 32;
 
@@ -173,9 +176,9 @@ class SequenceTracker {
         counts_.gaps += count > 0;
     }
     // Counts a sample that is rejected because the next HELLO has not come yet. If the HELLO is awaited
-    // because number and time of an earlier sample disagreed, also compares number and time of this sample.
-    // If numbers and times go on to disagree in the same way until the next HELLO, and this HELLO shows the
-    // same device and rate, rate_differs() becomes true.
+    // because number and time of an earlier sample disagreed, the rate of the rejected samples is checked,
+    // too (RateWatch). If this rate differs from the stated one, and the HELLO then shows the same device and
+    // rate as before, rate_differs() becomes true.
     void note_before_hello(std::int64_t sequence, std::int64_t device_us) {
         ++counts_.before_hello;
         if (disagreed_) watch(sequence, device_us);
@@ -220,9 +223,8 @@ class SequenceTracker {
         watch(sequence, device_us);
     }
 
-    // Compares the numbers and times of all samples since a HELLO, whether they were accepted or not. While a
-    // HELLO is missing, the device is not said to contradict its HELLO, because the samples may come from
-    // another device.
+    // Checks the rate of all samples since a HELLO, whether they were accepted or not. While the next HELLO
+    // is awaited, the samples may come from another device. A wrong rate is then not reported yet.
     RateWatch::Verdict watch(std::int64_t sequence, std::int64_t device_us) {
         if (!seen_.any) watch_.begin();
         const std::int64_t step = (sequence - seen_.sequence) & (kSequenceWrap - 1);
@@ -234,8 +236,8 @@ class SequenceTracker {
         return found;
     }
 
-    // Accepts samples again. A new epoch begins, because the samples that were rejected are counted
-    // separately and not as lost.
+    // Accepts samples again. If samples were rejected because of their rate, a new epoch begins. Within the
+    // old epoch, the rejected samples would count as lost, although they are counted separately.
     void accept_again() {
         if (rate_differs_ && pending_ == EpochReason::kNone) pending_ = EpochReason::kDiscontinuity;
         rate_differs_ = has_news_ = false;

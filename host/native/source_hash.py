@@ -1,6 +1,6 @@
-"""Compute a hash of the sources of the native module, which is built into the module.
+"""Compute a hash of the sources of the native module. The hash is compiled into the module.
 
-    python source_hash.py FILE    writes a C++ source with the hash to FILE, unless FILE has it already
+    python source_hash.py FILE    # writes a C++ source with the hash to FILE if FILE does not have it yet
 
 Every build calls this script, so the module has the hash of the sources from which it was compiled. A test
 run refuses a module whose hash differs from that of the present sources.

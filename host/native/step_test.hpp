@@ -4,8 +4,9 @@
 // raises log L by n δ² / 2 after n samples. A test that gives at most one false alarm a week needs at least
 // about 30 / δ² samples to detect such a step (Lorden, Ann. Math. Statist. 42, 1971).
 //
-// Filters are never exactly correct. The sum of the innovations in a window is therefore compared with the
-// usual size of such sums: the running mean of the squares of earlier sums in windows of the same length.
+// Filters are never exactly correct, so the sum of the innovations in a window may vary more than that of
+// white innovations. Each sum is therefore compared with the usual size of such a sum. This is the running
+// mean of the squares of earlier sums, in windows of the same length.
 #pragma once
 
 #include <cmath>
@@ -73,8 +74,9 @@ class StepTest {
         suspected_ = StepSuspected{0, 0, 0};
     }
 
-    // Adds an innovation to the statistics of the usual size of sums of innovations, without testing for
-    // steps. A new filter calls this for the remembered samples. The sums continue from one call to the next.
+    // The test needs to know how large the sums of innovations in windows usually are. This function adds an
+    // innovation to these statistics, without testing for a step. A new filter calls it for the remembered
+    // samples. The sums continue from one call to the next.
     void take(double z) {
         const double used = louder(z);
         total_ += used;
@@ -139,7 +141,8 @@ class StepTest {
         int at = 0, count = 0;
         Window windows[kWindows];
         Suspect suspect = {0, 0, 1};
-        // largest mean square of the sums of innovations in windows of any length, up to those of this level
+        // For each length of window there is a mean square of the sums of innovations. This is the largest
+        // one for all windows of this level and of the levels below.
         double absolute = 0;
 
         Level() {
@@ -184,13 +187,13 @@ class StepTest {
         }
     };
 
-    // If the noise has grown, divides an innovation by the present size of the noise. Then clips the
-    // innovation. The size is computed from differences of neighbouring innovations, in which a step hardly
-    // shows.
+    // Clips an innovation at kClip. If the noise has grown, the innovation is first divided by the standard
+    // deviation that the noise now has. This follows from differences of neighbouring innovations, in which a
+    // step hardly shows.
     double louder(double z) {
         const double apart = z - last_, square = apart * apart / 2;
         last_ = z;
-        // limit for a squared difference, because a step causes a single large difference
+        // A step causes a single large difference. The limit keeps it from counting as growing noise.
         const double most = kOutlier * (power_ > 1 ? power_ : 1);
         power_ += kPower * ((square < most ? square : most) - power_);
         const double used = power_ > 1 ? z / std::sqrt(power_) : z;
@@ -221,8 +224,9 @@ class StepTest {
         // reason is that a spectral line cancels in windows that are as long as its period, but not in
         // shorter ones.
         double absolute = l == 0 ? 0 : levels_[l - 1].absolute;
-        // Levels differ in the length of their blocks. The shortest window is skipped above the lowest level,
-        // because the level below has tested a window of the same length, made of shorter blocks.
+        // The blocks of a level are kUp times as long as those of the level below. The shortest window is
+        // tested only at the lowest level. At every other level, it is as long as the longest window of the
+        // level below, which was tested already.
         for (int w = l == 0 ? 0 : 1; w < kWindows; ++w) {
             const int blocks = blocks_of(w);
             if (blocks > level.count || blocks * size > kLongest) break;
@@ -230,7 +234,7 @@ class StepTest {
             const double length = double(blocks) * size, sum = level.newest(blocks);
             const double square = sum * sum, beside = std::fmax(usual(l, w) * length, absolute);
             if (window.count >= kWeight) absolute = std::fmax(absolute, window.usual * length);
-            // a step raises log L by more than half of what makes it as likely as no step
+            // a step in this window would raise log L by more than kEven / 2 (`gain` below); less is ignored
             if (square > kEven * beside) {
                 const double gain = square / (2 * beside);
                 if (gain > kSure) return found(level, size, blocks);
@@ -260,9 +264,9 @@ class StepTest {
         window.usual += (used - window.usual) / (window.count + kWeight);
     }
 
-    // Returns the ratio of the usual mean square of the sums in windows of one length to that for white
-    // innovations. If there were only few such windows, the result is at least the largest ratio of all
-    // shorter windows.
+    // Returns the usual mean square of the sums in windows of one length, divided by that for white
+    // innovations. The ratio is at least 1. If there were fewer than kWeight such windows, it is also at
+    // least the largest ratio of any shorter window.
     double usual(int l, int w) const {
         const Window& own = levels_[l].windows[w];
         double most = std::fmax(own.usual, 1);
@@ -302,11 +306,11 @@ class StepTest {
         return best;
     }
 
-    // Returns the likeliest drift. In a drift, the mean has grown linearly from 0 to `size`, which raises log
-    // L by size² ago / 6.
+    // Returns the likeliest drift. In a drift, the mean has grown linearly from 0 to `size` during the newest
+    // `ago` innovations. This raises log L by size² ago / 6.
     StepSeen likeliest_drift(const Level& level, int size) const {
         StepSeen best = {StepSeen::kDrift, 0, 0};
-        // `later`: sum of the innovations in all blocks after the present block
+        // `later`: sum of the innovations in the blocks that are newer than the k-th newest block
         double most = 0, moment = 0, later = 0;
         for (int k = 1; k <= level.count; ++k) {
             const double all = level.newest(k);
@@ -323,8 +327,8 @@ class StepTest {
         return best;
     }
 
-    // kSuspected: number of innovations in the shortest window in which a step is suspected. A step in a
-    // shorter window either is reported soon or was chance.
+    // kSuspected: A window with fewer innovations than this causes no suspicion of a step (StepSuspected). If
+    // there is a step in so short a window, it is either reported soon or was chance.
     enum { kLongest = 16384, kShortestDrift = 1024, kSuspected = 64 };
 
     StepSuspected suspected_ = StepSuspected{0, 0, 0};

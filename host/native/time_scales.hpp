@@ -9,8 +9,9 @@ namespace fltea {
 // At scale s, the means of two neighbouring groups of 2^s values are compared; the pairs of groups do not
 // overlap. A pair contributes 2^s d²/2, where d is the difference of the two means. For independent values,
 // the mean of these contributions is the variance of the values at every scale (Percival and Walden, Wavelet
-// Methods for Time Series Analysis, 2000). As values are added, the precision grows at every scale, whereas
-// the cells of time_cells.hpp become wider.
+// Methods for Time Series Analysis, 2000). The more values are added, the more precise is the result at every
+// scale, also at the shortest. The cells of time_cells.hpp, in contrast, become wider, and then say nothing
+// about short times.
 template <int kScales>
 class TimeScales {
   public:
@@ -48,8 +49,9 @@ class TimeScales {
             old_sum_[s] += other.old_sum_[s];
             old_pairs_[s] += other.old_pairs_[s];
         }
-        // At some scales, `other` has the mean of a group of values whose second group is not complete. These
-        // means are added to this record's sums. The longest group comes first, because it is the earliest.
+        // At some scales, `other` has the mean of a first group, whose second group was not complete at the
+        // end of `other`. These means are added here, so that the pairs can still become complete. The
+        // longest group comes first, because it is the earliest.
         for (int s = kScales - 1; s >= 0; --s) {
             if (other.waits(s)) add(s, other.first_[s]);
         }
@@ -98,10 +100,10 @@ class TimeScales {
     double sum_[kScales];   // sum of 2^s d²/2 over the pairs (variance())
     float first_[kScales];  // mean of the first group of a pair whose second group is not complete yet
     std::uint32_t pairs_[kScales];
-    float old_sum_[kScales];  // sum_ of the old pairs
+    float old_sum_[kScales];  // as sum_, but over the old pairs
     std::uint32_t old_pairs_[kScales];
     std::uint32_t span_;
-    std::uint32_t waiting_;  // one bit for each scale: whether first_ has the mean of a first group
+    std::uint32_t waiting_;  // bit s: whether first_[s] waits for the second group of its pair
 };
 
 }  // namespace fltea

@@ -30,8 +30,8 @@ class TrackerModel {
     enum { kRivals = 2 };
 
     struct Rival {
-        // the candidate system; its `bias` has the weight of each state in the expected mean of the bias over
-        // the next `ahead` samples
+        // the candidate system; the expected mean of the bias over the next `ahead` samples is a weighted sum
+        // of the states, and the system's member `bias` has the weights
         Noise system = Noise();
         double now[kMost] = {};  // weight of each state in the bias of the newest sample
         RiccatiMap<kMost> map;
@@ -42,8 +42,9 @@ class TrackerModel {
         MeanAhead<kMost> checked[BiasLengths::kChecks] = {};
     };
 
-    // `absolute`: whether the origin, which is subtracted from all samples, is added to the published state
-    // again. It is if the state includes a random walk, which has no fixed mean.
+    // `absolute`: whether the published state includes the origin, which is a value that is subtracted from
+    // all samples. It has to be true if the state includes a random walk, because a random walk has no fixed
+    // mean.
     explicit TrackerModel(bool absolute = false) : absolute_(absolute) {}
 
     // Makes the model from `systems`, which must have the same number of states. Returns null if no filter
@@ -64,8 +65,8 @@ class TrackerModel {
     std::size_t count() const { return rivals_.size(); }
     const Rival& rival(std::size_t i) const { return rivals_[i]; }
     const BiasLengths& lengths() const { return lengths_; }
-    // Spectral density at frequency 0 of the noise in the samples that does not belong to the bias. This
-    // density divided by a number of samples is the variance of this noise in the mean of these samples.
+    // Samples are the bias plus noise. This is the spectral density of that noise at frequency 0. In the mean
+    // of n samples, the noise has the variance density() / n.
     double density() const { return density_; }
     std::size_t likeliest() const {
         std::size_t best = 0;

@@ -115,8 +115,8 @@ Noise grown(Noise s, const std::vector<Row>& rows) {
     return s;
 }
 
-// Extends a system by each set of states in `rows`, and returns the likelihood of the remembered samples for
-// each of these systems.
+// Returns, for each set of states in `rows`, 2 log L of the remembered samples (up to a constant) under the
+// system `numbers` with this set of states appended.
 std::vector<double> likelihoods(const RememberedLane& self, const Numbers& numbers,
                                 const std::vector<std::vector<Row>>& rows) {
     const Noise bare = std::apply(system_of, numbers);

@@ -64,7 +64,7 @@ class UndoableSteps {
     struct Before {
         NoiseModel::State state;
         double bias;
-        std::int64_t at, newest;  // number of all samples when this state was saved, and at the newest step
+        std::int64_t at, newest;  // number of all samples so far: when this was saved, and at the newest step
         std::uint64_t steps;
     };
 

@@ -1,7 +1,8 @@
 // Wakes a thread that waits in poll(2). The thread that wakes it does not need Python's GIL for that.
 //
-// If the woken thread had to wait for the GIL, it would be scheduled twice. A WakeUp is a file descriptor, so
-// that Python itself can wait for it. When Python exits, it ends threads that wait in this way.
+// If the waking thread held the GIL, the woken thread would have to wait for it, and be scheduled twice. A
+// WakeUp is a file descriptor, so that Python itself can wait for it. When Python exits, it ends threads that
+// wait in this way.
 #pragma once
 
 #include <sys/eventfd.h>

@@ -67,8 +67,8 @@ class WalkBank {
         }
         all.bias /= weights;
         const double variance = squares / weights - all.bias * all.bias;
-        // If all samples are equal, the scale of the noise, and with it this variance, is 0 apart from
-        // rounding.
+        // If all samples are equal, the estimated scale of the noise is 0. This variance is then 0, too, but
+        // rounding may make it slightly larger or smaller.
         all.bias_variance = variance > kNothing ? variance : 0;
         all.state = all.bias;
         all.state_variance = all.bias_variance;

@@ -107,9 +107,10 @@ class Whiteness {
         }
     };
     static const int kBlock = 100, kBlocks = 9, kFewest = 200;
-    // Limit of the Ljung-Box statistic for white innovations, which exceed it once in a thousand cases. The
-    // second limit that innovation_whiteness.py has is not needed here, because 1,000 innovations cannot
-    // reach it.
+    // Limit of the Ljung-Box statistic. White innovations exceed it once in a thousand cases. For the verdict
+    // "coloured", innovation_whiteness.py also requires correlations above a limit (COLOURED). Of 1,000
+    // innovations or fewer, such a large statistic always means larger correlations, so that limit is not
+    // needed here.
     static constexpr double kColoured = 45.314746618125859;
 
     Sums sum() const {
@@ -132,7 +133,7 @@ class Whiteness {
     int kept_ = 0;
     bool white_ = false;
     double window_[kBlock + kLags] = {};  // in window_, the newest kLags innovations begin at index at_
-    int at_ = kBlock, before_ = 0;        // before_: number of innovations since the last gap, at most kLags
+    int at_ = kBlock, before_ = 0;        // before_: innovations since the last missing one, at most kLags
 };
 
 }  // namespace fltea

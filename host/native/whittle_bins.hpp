@@ -53,9 +53,10 @@ struct Bins {
     double lowest_order = 0, highest_order = kHighestOrder;
 
     Bins() = default;
-    // `frequencies` are above 0 and rise up to π. `walks`: spectrum of a random walk whose steps have unit
-    // variance. `windows`: The window of the spectrum averages over frequencies around each bin. For each
-    // bin, this is the mean square distance of these frequencies from the bin's own frequency [rad²].
+    // `frequencies`: above 0, rising, at most π. `walks`: at each frequency, the spectrum of a random walk
+    // whose steps have the variance 1. `windows`: Because of the window of the Fourier transform, the power
+    // of a bin comes from a range of frequencies. This is their mean square distance from the bin's own
+    // frequency [rad²].
     Bins(const Kernel& used, Numbers frequencies, Numbers ordinates_of, Numbers powers, Numbers walks,
          const Numbers& windows, double h)
         : kernel(&used),

@@ -22,8 +22,8 @@ inline int free_of(const Terms& terms) {
     return count;
 }
 
-// Returns the noise parts that have at least one of `traits` and none of `without`. If `traits` is 0, parts
-// with any traits are returned, except those of `without`.
+// Returns the noise parts that have at least one of `traits` and none of `without`. If `traits` is 0, they
+// need not have any. Parts with the trait kOther are left out in any case.
 inline std::vector<Part> parts_with(unsigned traits, unsigned without = 0) {
     std::vector<Part> found;
     for (const Row& row : kTable)
@@ -196,12 +196,13 @@ constexpr double kLongest = 3;  // in one step of a fit, no parameter changes by
 struct Patience {
     int steps = 60;
     double converged = 1e-5;  // a step that lowers -log L by less than this counts as small
-    // correlation times may be up to this many times the longest one that the spectrum can show
+    // Limit of correlation times, in units of the longest one that the spectrum can show (the inverse of its
+    // lowest frequency in rad per sample).
     double slowest = 1;
     // A parameter of which the data say little would change so much in a step that the step had to be
     // shortened for all parameters. The step is therefore not shortened for parameters whose Fisher
-    // information is less than this. A model search does not use this rule: with it, the search would too
-    // readily take a relaxation for a low-pass of one pole.
+    // information is less than this. In a model search, this is 0, so the step is always shortened.
+    // Otherwise, the search would too readily take a relaxation for a low-pass of one pole.
     double nothing = 0;
 
     Patience() = default;
@@ -231,7 +232,8 @@ struct Bounds {
     }
 
     double nearest(int i, double value) const { return std::fmin(std::fmax(value, low[i]), high[i]); }
-    // Whether parameter i is at a bound, and -log L decreases only beyond this bound.
+    // Whether parameter i is at one of its bounds, and -log L would become lower only on the other side of
+    // it.
     bool stops(int i, double value, double gradient) const {
         return (value <= low[i] && gradient > 0) || (value >= high[i] && gradient < 0);
     }

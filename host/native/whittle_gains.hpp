@@ -51,10 +51,11 @@ inline Candidate leaking(const Bins& bins, Candidate filter) {
     return filter;
 }
 
-// `gain`: by how much adding a candidate to a model raises 2 log L. This follows from Rao's score with all
-// parameters of the model free. If the candidate is a filter with the gain G, it is the larger one of two
-// figures: the rise of 2 log L by the filter, and Rao's score for filters G^ε with a small ε. `log_power`:
-// logarithm of the power of the candidate with which 2 log L rises most.
+// `gain`: how much 2 log L rises if a candidate is added to a model. For noise, this is Rao's score, where
+// all parameters of the model are free. For a filter, it is the larger of two figures: the rise of 2 log L by
+// the whole filter (of_filter), and Rao's score for a weak form of the filter, at most kLocal. (If G is the
+// filter's gain, the weak form has the gain G^ε with a small ε.) `log_power`: logarithm of the power of the
+// noise with which 2 log L rises most; 0 for a filter.
 struct Gain {
     double gain, log_power;
 };
@@ -78,8 +79,9 @@ class Gains {
         sound_ = factor(free_, information);
         if (!sound_) return;
         substitute(free_, information, slope_, false);
-        // The derivatives of the logarithm of the spectrum by the model's parameters. They are made
-        // orthogonal to each other, and then multiplied by the numbers of ordinates.
+        // The derivatives of the logarithm of the spectrum by the model's parameters are combined to rows
+        // that are orthogonal to each other, so that of() can treat each row on its own. The value of a row
+        // at a bin is multiplied by the bin's number of ordinates.
         normal_.resize(static_cast<std::size_t>(free_) * stride_);
         for (std::size_t i = 0; i < size_; ++i) {
             double column[kMostFree];
@@ -128,8 +130,8 @@ class Gains {
         // large change.
         30;
 
-    // Returns how much 2 log L rises if the complete filter is added and the whole spectrum is scaled to fit
-    // best. All other parameters stay unchanged.
+    // Returns how much 2 log L rises if the whole filter is added, not only a weak form of it (Gain). The
+    // power of the whole spectrum is fitted again; all other parameters stay unchanged.
     double of_filter(const Candidate& one) const {
         const double* const shape = one.shape.data();
         const double* const inverse = one.inverse.data();
@@ -149,8 +151,7 @@ class Gains {
     double slope_[kMostFree];
 };
 
-// With this value of the free parameter that stands for the number of poles, a filter has little more than
-// one pole.
+// Logit of the number of poles with which a search tries a high-pass. It stands for 1.4 poles.
 constexpr double kNearlyOnePole = -4.0;
 
 // The candidates for noise parts. Each of them has the power 1.
@@ -259,9 +260,9 @@ inline Candidates orders_to_add(const Bins& of) {
 }
 
 // Returns the candidates that the function `make` makes for these bins. Candidates depend on the frequencies
-// of the bins, not on the power in the bins, so the axes of a sensor share them. The newest two sets of
-// candidates are kept, because fits of the whole spectrum alternate with fits of the spectrum without its
-// disturbed bins.
+// of the bins, not on the power in the bins, so the axes of a sensor share them. There are two kinds of fits
+// in turn: of the whole spectrum, and of the spectrum without the bins in which a disturbance was found. So
+// the newest two sets of candidates are kept.
 template <Candidates (*make)(const Bins&)>
 std::shared_ptr<const Candidates> shared(const Bins& bins) {
     struct Made {

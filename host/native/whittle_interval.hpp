@@ -20,17 +20,19 @@ inline double without_white(Room& room, const Terms& terms, std::vector<double> 
     return room.here.at(terms, eta.data());
 }
 
-// The loss at a value of a parameter is the 2 log L of the best fit of all, minus that of the best fit with
-// this value. The interval of the parameter ends where the loss is `usual`. If the fit at the end has no
-// white noise, the interval ends where the loss is `at_bound`.
+// Limits of the loss. The loss at a value of a parameter says how much worse the best fit with this value is
+// than the best fit of all. It is the difference of their 2 log L. The parameter's interval ends where the
+// loss is `usual`. But if the fit with this value has no white noise, the interval ends where the loss is
+// `at_bound`.
 struct Critical {
-    // if both are equal, fits without white noise are treated like all others
+    // if `usual` and `at_bound` are equal, it does not matter whether a fit has white noise
     double usual, at_bound;
 };
 
-// Fits the model with parameter i held, writes the best parameters to `eta`, and returns the loss (Critical).
-// If the fit has no white noise, the loss is multiplied by usual / at_bound, so that it is `critical.usual`
-// at the end of every interval. `nll`: -log L of the best fit of all.
+// Fits the model with parameter i held at its value in `eta`, writes the best parameters to `eta`, and
+// returns the loss (Critical). If the fit has no white noise, the returned loss is scaled by usual /
+// at_bound. So the interval always ends where the returned loss is `critical.usual`. `nll`: -log L of the
+// best fit of all.
 inline double loss_of(Room& room, const Terms& terms, std::vector<double>& eta, double nll, int i,
                       const Critical& critical, const Patience& patience) {
     const double found = score(room, terms, eta.data(), i, patience);
@@ -42,7 +44,7 @@ inline double loss_of(Room& room, const Terms& terms, std::vector<double>& eta, 
 
 // A value of the parameter that was tried, and all parameters of the best fit with this value.
 struct Tried {
-    double value, excess;  // `excess`: by how much 2 log L is lower than 2 log L of the best fit of all
+    double value, excess;  // `excess`: the loss that loss_of() has returned
     std::vector<double> eta;
 };
 
@@ -67,17 +69,18 @@ inline double direction(const Bins& bins, const Terms& terms, const std::vector<
 // accuracy of an end of an interval, as a fraction of its distance from the best value
 constexpr double kNear = 3e-3;
 
-// A fit begins with white noise that is weaker than the power at the highest frequencies. This is the
-// logarithm of the ratio of that power to the white noise.
+// A fit begins with white noise that is weaker than the power at the highest frequencies. The logarithm of
+// its power is lower than the logarithm of that power by kLittle.
 constexpr double kLittle = 4;
 
-// Limits a change of a parameter to the range in which the derivatives are about right.
+// Limits a change of a parameter to ±1. For larger changes, the derivatives say too little about the fit.
 inline double near(double step) { return std::fmin(std::fmax(step, -1.0), 1.0); }
 
-// Returns the end of the interval of parameter i on the side `side`, which is -1 for the lower and 1 for the
-// upper side. Returns NaN if the profile likelihood does not fall far enough before the value `limit`. `end`:
-// all parameters at the end that an earlier call has found, minus the best parameters; or empty. If there is
-// an end now, its differences are written to `end`.
+// Returns the end of the interval of parameter i, or NaN if the loss (Critical) is still too small at
+// `limit`, the farthest value that is tried.
+//     `side`: -1 for the lower end, 1 for the upper end.
+//     `end`: differences of all parameters at the end from the best parameters. The caller passes those of
+//       an earlier call, or none. They are replaced by those at the end that is found, or by none.
 inline double interval_end(const Bins& bins, const Terms& terms, const std::vector<double>& best, double nll,
                            int i, int side, double limit, double step, const Critical& critical,
                            const Patience& patience, std::vector<double>& end) {
@@ -116,8 +119,8 @@ inline double interval_end(const Bins& bins, const Terms& terms, const std::vect
         if (close || (!outside.eta.empty() &&
                       std::fabs(outside.value - inside.value) < kNear * std::fabs(outside.value - middle)))
             break;
-        // The excess is nearly a quadratic function of the parameter's value, so its square root is nearly
-        // linear.
+        // The loss is nearly a quadratic function of the distance from the best value, so its square root is
+        // nearly linear.
         const double a = std::sqrt(std::fmax(inside.excess, 0.0));
         if (outside.eta.empty()) {
             const double wider = std::fmin(std::fmax(1.05 * root / std::fmax(a, 1e-3), 1.1), 2.6);

@@ -4,8 +4,9 @@
 //
 // A noise model is a list of noise parts ("terms"). Its spectrum at the frequency λ is S(λ) = L(λ) (Σ of
 // parts) + floor, where L is the gain of a chain of filters, and floor is white noise behind these filters.
-// The parameters are logarithms of powers and rates, so that a random walk of 1e-8 of the white noise has the
-// same weight in a search as the white noise itself.
+// The parameters are logarithms of powers and rates. A step of a fit can then change a very weak part as
+// much, in proportion, as a strong one. An example is a random walk with 1e-8 of the power of the white
+// noise.
 #pragma once
 
 #include <cstddef>
@@ -22,7 +23,7 @@ constexpr double kMostPoles = 24;
 // Limits for the power of a part. The logarithm of the power may be smaller by kSmallest or larger by
 // kLargest than the logarithm of the mean power of the data.
 constexpr double kSmallest = 30, kLargest = 30;
-constexpr double kNoPole = 2.5;  // largest logarithm of the rate in ARFIMA's φ = e^-rate; φ is then 5e-6
+constexpr double kNoPole = 2.5;  // largest log r, where ARFIMA's φ is e^-r; φ is then nearly 0 (5e-6)
 
 // One part of a noise model. `size` is only used for the part kMean, which is the mean of m samples. For
 // kMean, `size` is m.
@@ -37,9 +38,9 @@ struct Columns {
     const double* counts;  // number of periodogram ordinates in the bin
     const double* power;
     const double* lam;
-    const double* square;  // |1 - e^{-iλ}|², where λ is the frequency
-    const double* cos1;    // cosine of the frequency λ; sin1: its sine
-    const double* sin1;
+    const double* square;   // |1 - e^{-iλ}|², where λ is the frequency
+    const double* cos1;     // cosine of the frequency λ
+    const double* sin1;     // sine of the frequency λ
     const double* ln_size;  // log |1 - e^{-iλ}|, where λ is the frequency
     const double* quarter;  // (π - λ) / 2, where λ is the frequency
     const double* walk;     // spectrum of a random walk with steps of variance 1, including leakage
@@ -58,16 +59,16 @@ struct Kernel {
     // of a bin, and c is its number of ordinates.
     double (*nll)(const Columns& bins, const double* total);
     // Replaces `total`, which is the sum of the parts, by the whole spectrum S = total · gain + floor. Writes
-    // 1 / S to `inverse` and gain / S to `over`. Replaces `floor` by the proportion of the power that has
-    // passed the filters. All arrays have the shape (size,).
+    // 1 / S to `inverse` and gain / S to `over`. Replaces `floor` by the share total · gain / S, which is the
+    // part of the power that has passed the filters. All arrays have the shape (size,).
     void (*whole)(std::size_t size, const double* gain, double* total, double* floor, double* inverse,
                   double* over);
     // Writes the gradient of -log L, of shape (free,), and its expected curvature, of shape (free,
     // kMostFree). `slopes`: derivatives of log S by the parameters. `over`: work space of shape (size,).
     void (*derivatives)(const Columns& bins, const double* total, int free, const double* const* slopes,
                         double* over, double* gradient, double* information);
-    // For each of the `count` rows b in `rows`, writes its scalar product with a, which is the sum Σ a b over
-    // all bins.
+    // Writes to `found` the scalar product of a with each of the `count` rows b in `rows`. The scalar product
+    // is the sum Σ a b over all bins.
     void (*dots)(std::size_t size, const double* a, int count, const double* const* rows, double* found);
     // Writes the products a b to `into`, which may be the same array as a or b.
     void (*times)(std::size_t size, const double* a, const double* b, double* into);

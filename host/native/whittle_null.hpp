@@ -34,8 +34,8 @@ class NullFits {
         return {w, best_order(w, gains, orders), best_high_pass(w, gains, filters)};
     }
 
-    // Repeats an earlier test, starting from the parameters `last` that it found. These are the parameters of
-    // the model with an order, followed by those of the model with a high-pass.
+    // Repeats an earlier null test. The fits start from `last`, which has the parameters that the earlier
+    // test found: first those of an order in white noise, then those of white noise behind a high-pass.
     NullTest again(const std::vector<double>& last) {
         const auto second = last.begin() + kOrderFree;
         return {white(), order({last.begin(), second}), missing({second, last.end()})};

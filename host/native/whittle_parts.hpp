@@ -14,8 +14,8 @@ constexpr double kLn2 = 0.69314718055994530942;
 constexpr double kHighestOrder = 1.999;
 constexpr double kLogitEnd = 16;
 constexpr double kHighestHighPass =
-    // Logarithm of the squared frequency (rad per sample) of a corner at a tenth of the sampling rate. A
-    // high-pass with a higher corner looks like the noise part kRise.
+    // Largest log |1 - e^{-iλ}|² of a high-pass's corner frequency λ. It is that of a tenth of the sampling
+    // rate. A high-pass with a higher corner looks like the noise part kRise.
     -0.96;
 // largest logarithm of the ratio of a resonance's width to its frequency; a wider resonance has no visible
 // maximum
@@ -30,16 +30,16 @@ enum Part : int {
     // of h to its correlation time τ
     kRelaxation,
     kWalk,  // random walk; parameter: log of the variance of a step
-    // fractional state D^α x = f x + ω of the order α, with g = h^α f; parameters: α, logit(-g / 2^α), and
-    // log of the variance s2 of a step
+    // fractional state D^α x = f x + ω of the order α, where the steps have the variance s2; parameters: α,
+    // logit(-g / 2^α) with g = h^α f, and log s2
     kOrder,
     // resonance; parameters: log of the height of its peak, log of its frequency [rad per sample], and log of
     // the ratio of its width to its frequency
     kResonance,
     // differences of white noise, as from rounding; parameter: log of the variance of that white noise
     kQuantised,
-    // noise whose power rises as |1 - e^{-iλ}|^2δ with the frequency λ; two parameters: the log of the power
-    // at λ = π, and δ
+    // noise whose power is proportional to |1 - e^{-iλ}|^2δ, and so rises with the frequency λ; two
+    // parameters: the log of the power at λ = π, and δ
     kRise,
     // sampled low-pass with n poles and the analog gain 1 / (1 + (λ² / c)^n); parameters: log c, and n as a
     // logit between its limits
@@ -60,15 +60,16 @@ enum Part : int {
     // noise with an order d but no f, ARFIMA(1, d, 0) with φ = e^-rate and steps of variance s2; parameters:
     // d, log of that rate, and log of s2 / (1 - φ)²
     kArfima,
-    // as kOrder, but with the parameters F = g + α, log(-g) and log s2, so that a fit can hold F fixed
+    // the same noise as kOrder, with other parameters, so that a fit can hold F = g + α fixed; parameters: F,
+    // log(-g), and log s2
     kOrderByF,
-    // as kOrder, but with the parameters α, log(-f) with f = g / h^α, and log s2, so that a fit can hold f
-    // fixed
+    // the same noise as kOrder, with other parameters, so that a fit can hold f = g / h^α fixed; parameters:
+    // α, log(-f), and log s2
     kOrderByf,
-    // as kOrder, but with the parameters α, logit(-g / 2^α) and log Q with Q = s2 / h^2α, so that a fit can
-    // hold Q fixed
+    // the same noise as kOrder, with other parameters, so that a fit can hold Q = s2 / h^2α fixed;
+    // parameters: α, logit(-g / 2^α), and log Q
     kOrderByQ,
-    // as kArfima, but with log s2 as the third parameter, so that a fit can hold the variance s2 fixed
+    // the same noise as kArfima, with another third parameter, log s2, so that a fit can hold s2 fixed
     kArfimaByStep,
 };
 constexpr int kParts = kArfimaByStep + 1;
@@ -82,7 +83,7 @@ enum Value : int {
     kPole,       // log of the rate of the part kArfima, whose coefficient φ is e^-rate
     kAlpha,      // an order, whose bounds are those of the fit
     kNumber,     // a parameter that is used as it is, without a transformation
-    kShape,      // a logit or a logarithm; beyond the bounds of this parameter, the spectrum hardly changes
+    kShape,      // a logit or a logarithm; its bounds are where the spectrum hardly changes any more
     kFrequency,  // log of a frequency λ, at most log π + `high`
     kCorner,     // log of the square of a frequency λ, from the lowest frequency of the data to `high`
     kMinusF,     // log(-f), where f is that of the part kOrderByf
@@ -141,19 +142,21 @@ enum Read : unsigned { kNoColumn = 0, kSquare = 1, kTurn = 2, kLogSize = 4, kBra
 enum Trait : unsigned {
     kFilter = 1,  // a filter, which multiplies the spectrum of the parts before it
     kBehind = 2,  // noise that is added behind all filters
-    // noise with a memory, which is a state in the tracker's filter, and does not count for the white noise N
+    // noise with a memory; it is a state in the tracker's filter, and no part of the white noise N
     kSlow = 4,
     kOrdered = 8,  // noise with an order, which in a model takes the place of all other slow noise
-    // a random walk: behind a high-pass of one pole it is white noise, so no model has both
+    // random walk: no model has it together with a high-pass, because one pole of a high-pass makes it white
+    // noise
     kNoHighPass = 16,
     kRising = 32,    // noise whose power may rise with the frequency
     kFastOnly = 64,  // noise without power at low frequencies
-    // In files for navigation programs, this part has an entry of its own. Other parts are listed with their
-    // parameters.
+    // In files for navigation programs, this part has fields of its own. All other parts are only listed
+    // there, with their parameters.
     kEntry = 128,
     kOther = 256,  // the same noise as another part, but with other free parameters; no search adds it
-    // noise that imitates other parts with fewer parameters, so that a search that adds it first does not
-    // find them any more; it is added only in a search of its own, whose model has to be the better one
+    // noise that can imitate several other parts, which have fewer parameters. If a search had added it, it
+    // would not add those others any more. It is therefore added only in a separate search. The model of that
+    // search is used only if it is better.
     kApart = 512,
 };
 
@@ -183,8 +186,8 @@ inline const char* name_of(Trait trait) {
     return "";
 }
 
-// Which question of the verdict a part answers in a model without an order. Each question but kNothing and
-// kAnOrder has a row in host/fltea/spectrum/answers.py.
+// Which question of the verdict a part answers in a model without an order. host/fltea/spectrum/answers.py
+// has a row for each question. kNothing and kAnOrder are no such questions.
 enum Says : int { kNothing, kRelaxations, kDrift, kAnOrder, kAResonance, kAColour, kANotch, kAHighPass };
 
 inline const char* name_of(Says says) {
@@ -212,9 +215,9 @@ inline const char* name_of(Says says) {
 // At which values of its parameters a search tries a noise part (whittle_gains.hpp).
 enum Start : int {
     kNever,
-    kOnce,  // once: the power is the part's only parameter, and the search computes it
-    // once for each of a list of values, which are those of the parameter after the power, or of a filter's
-    // first parameter
+    kOnce,  // once, because the part's only parameter is its power, which the search computes
+    // once for each of the values in Starts::at, which are those of one parameter: the parameter after the
+    // power, or the first parameter of a filter
     kListed,
     kCorners,
     kPeaks,
@@ -243,8 +246,8 @@ struct Row {
     Says says;
     unsigned columns;
     int most;  // largest number of parts of this kind in a model
-    // Number of parameters of which a search tries many values in addition to those that a fit changes, such
-    // as the number m of samples in a mean. The criterion BIC counts them as free parameters, too.
+    // Additional number of parameters that the criterion BIC counts for this part, because a search tries
+    // many values of them. An example is the number m of samples in a mean, which no fit changes.
     int sought;
     FreeParameters free_parameters;
     Starts starts;

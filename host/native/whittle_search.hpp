@@ -19,7 +19,7 @@ namespace noise_models {
 
 struct Frontier {
     FittedModel white, null, plain, rich, pure,
-        ordered;  // `null`: an order up to 1 in white noise, with which the null test compares white noise
+        ordered;  // `null`: an order up to 1 in white noise, for the null test (NullTest)
     FittedModel
         // white noise that has passed a high-pass of one pole, the second model with which the null test
         // compares white noise
@@ -54,9 +54,9 @@ class Search {
         }
         find_orders(f);
         if (f.ordered.known()) {
-            // A model without an order may be better if it has the other parts of the model with an order,
-            // and another part in place of the order. Just removing the order would not find such a model,
-            // because a filter among the other parts could move to where the order was.
+            // Perhaps another part describes the spectrum better than the order does. To find such a part,
+            // the order is removed, and other parts are tried before the remaining ones are fitted again. If
+            // these were fitted first, one of their filters could move to where the order was.
             const FittedModel rest = removed(f.ordered, orders());
             Gains gains(bins_, rest.terms, rest.eta.data());
             FittedModel other;
@@ -97,26 +97,27 @@ class Search {
     }
 
   private:
-    static constexpr double kByChance = 3.0;  // a parameter raises 2 log L by this much by chance
+    static constexpr double kByChance = 3.0;  // a needless parameter may raise 2 log L by this much by chance
     static constexpr double kRough = 1e-3;    // a rough fit ends when a step lowers -log L by less than this
-    // a trial fit ends when a step lowers -log L by less than this; its -log L is only compared with that of
-    // other trial fits
+    // a trial fit ends when a step lowers -log L by less than this; that is accurate enough to choose one of
+    // several trial fits, which is then fitted again
     static constexpr double kTrial = 0.1;
     static constexpr int kSteps = 60, kTrialSteps = 12;
     static constexpr int kMostParameters = 20;
     // ARFIMA (an order without f) is chosen only if its 2 log L exceeds that of the fractional state by more
     // than this
     static constexpr double kAhead = 6;
-    // If a part gains more in 2 log L than this many times the price of its parameters, it stays in the
-    // model, and no trial fit without it is made.
+    // A part stays in the model, and no trial fit without it is made, if it raises 2 log L by more than this
+    // many times its price. The price of a part is what its parameters have to raise 2 log L by.
     static constexpr double kSure = 4;
-    // logarithm of the ratio of the mean power to the power of negligible white noise
+    // a search begins fits with at least this much white noise: e^-kNothing of the mean power, which is
+    // negligible
     static constexpr double kNothing = 12;
 
     struct Allowed {
-        bool slow = true;  // whether noise parts that have a memory may be added
+        bool slow = true;  // whether parts with the trait kSlow may be added
         bool only_low_pass = false;
-        bool apart = false;  // whether the noise parts `apart_` may be added, which imitate others
+        bool apart = false;  // whether the parts in `apart_` may be added (kApart)
     };
 
     static std::vector<Part> orders() { return parts_with(kOrdered); }
@@ -202,8 +203,8 @@ class Search {
         return taken_away(s, price, {});
     }
 
-    // Keeps the better of two models with an order. ARFIMA, which has no f, counts as better than the
-    // fractional state D^α x = f x + ω only if it is better by kAhead.
+    // Replaces `into` by `one` if that is the better model with an order. An ARFIMA model has no f. It counts
+    // as better than a fractional state D^α x = f x + ω only if it is better by more than kAhead.
     void keep_order(const FittedModel& one, FittedModel& into) const {
         const auto behind = [&](const FittedModel& s) {
             return cost(s, bic_) + (s.has(kArfima) ? kAhead : 0);
@@ -235,9 +236,9 @@ class Search {
         }
     }
 
-    // Returns for each part 1 / variance of its first parameter. The variance follows from the expected
-    // curvature of log L. If the first parameter is the log of the part's power, 1 / variance is the squared
-    // ratio of the power to the standard deviation of the power.
+    // Says how well the first parameter of each part is known: returns 1 / variance of the parameter, or 0 if
+    // the part has none. The variance follows from the expected curvature of log L. If the parameter is the
+    // log of the part's power, the result is the square of the ratio of the power to its standard deviation.
     std::vector<double> certainty(const FittedModel& s) const {
         std::vector<double> found(s.terms.size(), 0.0);
         const int free = free_of(s.terms);
@@ -350,8 +351,8 @@ class Search {
     std::shared_ptr<const Candidates> parts_, filters_, orders_;
 
   public:
-    // Range of orders that are reported. Noise of a lower order can hardly be distinguished from white noise,
-    // and noise of a higher order is taken for a relaxation.
+    // Range of orders that are reported. Noise of a lower order can hardly be distinguished from white noise.
+    // Noise of a higher order can hardly be distinguished from a relaxation, and is reported as one.
     static constexpr double kLeastOrder = 0.15, kMostOrder = 0.85;
 };
 

@@ -57,8 +57,8 @@ inline void relaxation(const Columns& b, bool mirrored, const double* eta, doubl
     });
 }
 
-// Order α and parameter g = h^α f of a part with an order, and the derivatives of both by the part's first
-// two free parameters.
+// For a part with an order: its order α, its parameter g = h^α f (h is the sampling period), and the
+// derivatives of both by the part's first two free parameters.
 struct Order {
     double alpha, g, by[2][2];
 };
@@ -209,9 +209,9 @@ inline void notch(const Columns& b, const double* eta, double* gain, double* con
         typedef decltype(one) T;
         const T sine = from<T>(b.square + i) / T(4.0), cosine = T(1.0) - sine, step = from<T>(b.spread + i);
         const T away = sine - T(square) * cosine, flat = sine * cosine;
-        // At a single frequency, the gain is A / (A + K): A grows with the distance from the notch, and K
-        // with the notch's width. The gain is averaged over the bin's frequencies, over which the mean of A
-        // is larger than at the bin's centre by B.
+        // At a single frequency, the gain is A / (A + K), where A grows with the distance from the notch, and
+        // K with the notch's width. The gain is averaged over the frequencies of the bin. A is the value at
+        // the bin's centre, and the mean of A over the bin is larger by B.
         const T A = away * away, B = flat * T(1 + square) * T(1 + square) * step;
         const T K = T(width * width) * flat, W = A + B + K;
         const T both = T(4.0) * A * B * K / (W * W * W), value = (A + B) / W - both, more = T(3.0) * both / W;
@@ -227,8 +227,9 @@ inline void notch(const Columns& b, const double* eta, double* gain, double* con
     });
 }
 
-// Returns the power gain of a mean of m samples at the frequency `lam`. It is averaged over a bin, so that it
-// is not 0 at the filter's zeros. `step`: mean square distance of the bin's frequencies from its centre.
+// Returns the power gain of a mean of m samples at the frequency `lam`. At some frequencies this gain is 0,
+// which no logarithm can represent. It is therefore averaged over the frequencies of a bin. `step`: mean
+// square distance of these frequencies from the bin's centre.
 inline double mean_gain(double lam, double step, int m) {
     const double sine = ::sin(lam / 2), cosine = ::cos(lam / 2);
     const double above = ::sin(m * lam / 2), ratio = above / (m * sine);

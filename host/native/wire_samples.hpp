@@ -15,9 +15,9 @@ namespace fltea {
 class WireSamples {
   public:
     // Converts samples to columns. `reads`: the reads of the port with which the samples came. `base`: number
-    // of bytes of the input that came before the bytes that were passed to the decoder. The ends in `reads`
-    // are counted from the first byte of the input, and the ends of the samples from the decoder's first
-    // byte.
+    // of bytes of the input that came before the bytes that were passed to the decoder. It is needed because
+    // the ends in `reads` are counted from the first byte of the input, but the ends of the samples from the
+    // decoder's first byte.
     void lay_out(const std::vector<SampleRow>& samples, const PortRead* reads, std::int64_t base) {
         const std::size_t n = samples.size();
         for (std::vector<std::int64_t>* column : {&sequence_, &device_us_, &host_ns_, &flags_})
