@@ -174,8 +174,8 @@ def test_noise_that_runs_away_is_refused(alpha: float, f: float, rate_hz: float,
 
 @pytest.mark.parametrize(("alpha", "f"), [(0.5, -14.0), (1.0, -199.0), (1.8, -5e3), (1.0, 0.0), (1.99, -1.0)])
 def test_noise_within_the_bound_does_not_run_away(alpha: float, f: float) -> None:
-    """The noise grows at most like a random walk. On average, a random walk moves twice as far in four times
-    the time. The test allows a factor of 8.
+    """The noise grows at most like a random walk. In four times the time, a random walk gets twice as far on
+    average. The test allows that it gets 8 times as far.
     """
     y = fltea.simulate(8000, alpha=alpha, f=f, Q=1.0, R=0.0, unit="deg/s", warmup=0).y
     assert np.abs(y).max() < 8 * np.abs(y[:2000]).max()

@@ -44,7 +44,7 @@ def test_rates_less_their_bias_integrate_to_a_heading_that_is_as_far_off_as_is_s
     assert (np.diff(moved.bias_std[100:], axis=0) >= 0).all(), "of a prediction"
     off = (moved.rate - rate).sum(axis=0) / 100
     said = np.array([*live.heading_std(30.0).values()])
-    # with 24 axes, this root mean square of error / σ is within these limits in 99.8 % of cases
+    # in 99.8 % of cases, the root mean square of error / σ over 24 axes is within the limits below
     assert 0.6 < np.sqrt(np.mean((off / said) ** 2)) < 1.4
     assert (moved.bias_std[-1] > moved.bias_std[100]).all()
     assert (live.samples, live.fit(curves=False)["0"].left_out["lost"]) == (rest, turn)
