@@ -1,7 +1,8 @@
 // The device's own estimates. Samples wait in a queue and are processed one axis at a time, so that sampling
 // never waits longer than one axis takes. If the queue is full when a sample comes, the sample is skipped and
-// counted. The filters go on as if a skipped sample had never been due, because predicting it would take as
-// long as processing it. The same samples go into the spectra for the noise fits (noise_fit.h).
+// counted. The filters do not notice a skipped sample: they take the next sample as the one that follows. To
+// predict the skipped sample would take as long as to process it. The same samples go into the spectra for
+// the noise fits (noise_fit.h).
 #pragma once
 
 #include <stddef.h>
@@ -77,8 +78,9 @@ class Estimation {
     NoiseFit& noise() { return noise_; }
     const NoiseFit& noise() const { return noise_; }
 
-    // Does one slice of work: advances the filters of one axis by one sample, or the spectrum of one axis by
-    // one octave. Returns true if `message` is a new ESTIMATE to be sent.
+    // Does one slice of work. It advances the filters of one axis by one sample, or takes the newest samples
+    // of one axis through one level of its running spectrum. Returns true if `message` is a new ESTIMATE to
+    // be sent.
     bool work(Estimate& message) {
         if (noise_.passing()) {
             noise_.pass();
@@ -190,7 +192,7 @@ class Estimation {
     Item queue_[kQueue] = {};
     size_t first_ = 0;
     size_t waiting_ = 0;
-    size_t axis_ = 0;       // next axis to process
+    size_t axis_ = 0;       // axis whose filters process their sample next
     uint32_t instant_ = 0;  // number of the newest sample
     uint32_t age_ = 0;
     uint32_t skipped_ = 0;

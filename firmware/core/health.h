@@ -27,15 +27,15 @@ constexpr uint16_t start_number(uint32_t starts) {
 class Health {
   public:
     struct Reading {
-        Sample sample;      // Health sets its flags retried, saturated and repeated
+        Sample sample;      // Health sets the sample's flags retried, saturated and repeated
         uint32_t burst_us;  // time just before the burst began
     };
 
     Health(I2cBus& bus, Clock& clock, Faults& faults, SamplingMode mode)
         : bus_(bus), clock_(clock), faults_(faults), sensor_(bus, mode) {}
 
-    // Keeps the waits correct across every wrap of the 32-bit clock. Call this in every step of the main
-    // loop.
+    // Checks the wait before the next attempt to start the sensor. If it were not checked, it would not end
+    // correctly after a wrap of the 32-bit clock. Call this in every step of the main loop.
     void pass_time(uint32_t now_us) { between_.over(now_us); }
 
     bool running() const { return state_ == State::running; }
@@ -132,7 +132,8 @@ class Health {
             count_error();
             const bool again = !retried_;
             retried_ = true;
-            // A NACK shows that the bus works, so the transfer is repeated before the bus is freed.
+            // After a NACK the transfer is first repeated without freeing the bus: a NACK comes over a bus
+            // that works.
             if (result != I2cResult::nack || !again) {
                 if (!recover(result)) return false;
             }
@@ -282,7 +283,7 @@ class Health {
     Faults& faults_;
     Mpu9250 sensor_;
     Pause pause_;
-    Pause between_;  // minimum time between probes, and between set-ups
+    Pause between_;  // minimum time between two attempts to find or set up the sensor
     uint32_t starts_ = 0;
     uint32_t transfers_ = 0;
     uint32_t i2c_errors_ = 0;

@@ -25,10 +25,10 @@ class Link {
         }
     }
 
-    // Sends any other message, if the ring buffer then still has room for a sample. `quiet_us`: time until
-    // the next sample comes at the earliest. The bytes that the serial port can send in this time count as
-    // room, because a small ring buffer cannot hold a message and a sample at once. Returns false if the
-    // caller has to try again later.
+    // Sends a message that is not a sample, if the ring buffer then still has room for a sample. Otherwise
+    // returns false, and the caller has to try again later. `quiet_us`: time until the next sample comes at
+    // the earliest. The bytes that the serial port can send in this time count as room, because a small ring
+    // buffer cannot hold a message and a sample at once.
     template <typename Message>
     bool send(const Message& message, uint32_t device_us, uint32_t quiet_us = 0) {
         const size_t gone = quiet_us / kByteUs;  // bytes that the serial port sends during quiet_us

@@ -168,7 +168,7 @@ class Mpu9250 {
         return kSettings;
     }
 
-    // Index of the setting that belongs to the first of the registers that read_guard() reads.
+    // read_guard() reads the registers of consecutive settings. This is the index of the first of them.
     static constexpr size_t kGuardStart = 1;
 
   private:

@@ -18,12 +18,12 @@ constexpr float kRateHz = 1e6f / static_cast<float>(settings::kSamplePeriodUs);
 constexpr float kTurn = 6.2831853f;
 // Number of samples before the first fit.
 constexpr uint32_t kFirstFit = 1000;
-// The bias of the tracker is the expected mean over this many samples, which is the next second.
+// The bias that the tracker gives is the expected mean of the next second. This is its number of samples.
 constexpr int kAhead = 1000000 / settings::kSamplePeriodUs;
 constexpr float kChunksPerS = kRateHz / static_cast<float>(+whittle::AxisMotion::kChunk);
-// By what data sheets say of the bias's dependence on temperature, no bias can step by 2 deg/s. A smaller
-// change of the mean rate is accepted as a step of the bias if the rate stays at the new mean for ten
-// seconds. A larger change is accepted after ten minutes.
+// When a change of the mean rate is accepted as a step of the bias, and no longer taken for motion: after ten
+// seconds at the new mean, or after ten minutes if the change is 2 deg/s or more. So much is not expected of
+// a bias, by its dependence on temperature in the data sheets.
 constexpr whittle::SensorMotion::Limits kMotion = {2 * kLsb, static_cast<uint16_t>(10 * kChunksPerS),
                                                    static_cast<uint16_t>(600 * kChunksPerS)};
 static_assert(settings::kFitEvery > 0, "samples from one round of fits to the next");
@@ -34,8 +34,8 @@ typedef engine::FitBins<Octaves> Bins;
 }  // namespace
 
 struct NoiseFit::Axis {
-    // Every twelfth fit of an axis repeats the search on a grid. The axes repeat it in turn, four fits apart,
-    // so that only one round of fits in four contains such a search.
+    // Every twelfth fit of an axis also tests whether some points of a grid are better starts of the search.
+    // The axes do so in turn, four fits apart, so that only one round of fits in four contains such a test.
     explicit Axis(size_t i) : memory(4 * static_cast<int>(i)) {}
     Octaves octaves;
     whittle::FitMemory memory;
@@ -98,7 +98,7 @@ void NoiseFit::add(size_t i, int16_t count) {
     if (i == kAxes - 1) judge_motion();
 }
 
-// Judges whether the sensor moves. Call this after every sample, when all axes have it.
+// Judges whether the sensor moves. Call this for each sample, after its counts were added for all axes.
 void NoiseFit::judge_motion() {
     whittle::TrackedState* tracked[kAxes];
     int n = 0;
@@ -136,7 +136,8 @@ NoiseFit::Told NoiseFit::work(Fit& fit, Spectrum& spectrum) {
             begin_axis(0);
             return Told::nothing;
         case Stage::gathering:
-            // If samples have entered the spectrum since the bins were begun, the bins have to be made again.
+            // The bins are made from the spectrum in several calls. If samples enter the spectrum meanwhile,
+            // the bins are made anew, since they would mix two states of the spectrum.
             if (gathered_ != passages_) begin_bins();
             if (!bins.step(axis(axis_).octaves)) return Told::nothing;
             parts().fit.begin(bins, whittle::kFivePercent, axis(axis_).memory);
@@ -188,7 +189,7 @@ void NoiseFit::tell(Fit& fit) {
     fit.ordinates = found.ordinates;
     fit.alpha = found.alpha;
     fit.alpha_std = found.alpha_std;
-    // the parameter f = g h^-α, where h is the sampling period and g the feedback per sample
+    // f of D^α x = f x + ω, in s^-α; found.g is f h^α, where h is the sampling period
     fit.f = found.g * math::exp(found.alpha * math::log(kRateHz));
     fit.s2 = found.s2 / (kLsb * kLsb);
     fit.r = found.R / (kLsb * kLsb);

@@ -19,21 +19,22 @@ class NoiseFit {
     NoiseFit(const NoiseFit&) = delete;
     NoiseFit& operator=(const NoiseFit&) = delete;
 
-    // Forgets everything until start().
+    // Forgets all samples and fits. After this, start() has to start each axis anew.
     void begin();
 
     // Starts the spectrum, the fits and the tracker of an axis. Call this when the axis's start-up window is
-    // full. The counts of an axis that is not started are ignored.
+    // full. The samples of an axis that is not started are ignored.
     void start(size_t axis);
 
     // Notes that before the next sample, `lost` samples of all axes are missing.
     void skip(uint16_t lost);
-    // Adds a count of one axis. Every sample has to be added for axis 0, 1 and 2 in this order. Do not call
-    // this while passing() is true.
+    // Adds the sample of one axis, as a count of the sensor. Call this for axis 0, 1 and 2 of each sample, in
+    // this order, but not while passing() is true.
     void add(size_t axis, int16_t count);
 
-    // Whether new counts are still on their way through the octaves of the spectrum. pass() does one slice of
-    // that work. Call it until passing() is false, before any other function.
+    // New samples go through the levels of the running spectrum one after another. passing() says whether
+    // some still have levels before them, and pass() does one slice of that work. Call pass() until passing()
+    // is false, before any other function.
     bool passing() const { return passing_; }
     void pass();
 
@@ -55,8 +56,8 @@ class NoiseFit {
 
     Parts& parts() { return *reinterpret_cast<Parts*>(storage_); }
     Axis& axis(size_t i);
-    // Whether the next fit is due. This is correct although age_ wraps at 2^32. At 100 Hz, that takes more
-    // than a year, and at 500 Hz a hundred days.
+    // Whether the next fit is due. This is correct even if age_ (a number of samples) has wrapped at 2^32,
+    // which happens after more than a year at 100 Hz.
     bool is_due() const { return static_cast<int32_t>(age_ - next_age_) >= 0; }
     bool is_started(size_t i) const { return (started_ >> i & 1) != 0; }
     void begin_axis(size_t first);
@@ -68,16 +69,15 @@ class NoiseFit {
     static constexpr size_t kBytes = 42120;
     alignas(8) unsigned char storage_[kBytes];
     Stage stage_ = Stage::idle;
-    size_t axis_ = 0;  // axis that is being fitted
-    // number of batches of counts that have entered the octaves of the spectra of all axes since begin()
-    uint32_t passages_ = 0;
-    uint32_t gathered_ = 0;  // number of batches in the spectra when the bins were begun
+    size_t axis_ = 0;        // axis that is being fitted
+    uint32_t passages_ = 0;  // how often samples have entered the spectrum of any axis, since boot
+    uint32_t gathered_ = 0;  // value of passages_ when the bins in progress were begun
     uint32_t age_ = 0;       // number of samples since the start-up window, including lost ones
-    uint32_t next_age_ = 0;  // value of age_ at which the next round of fits is due
-    uint32_t bins_age_ = 0;  // value of age_ when the bins were begun
+    uint32_t next_age_ = 0;  // number of samples, counted as in age_, at which the next round of fits is due
+    uint32_t bins_age_ = 0;  // number of samples, counted as in age_, when the bins of the fit were begun
     uint32_t bins_used_ = 0;
     int told_ = 0;             // number of bins of the present spectrum that were sent
-    size_t passing_axis_ = 0;  // axis whose counts are on their way through the octaves of its spectrum
+    size_t passing_axis_ = 0;  // axis of the samples that pass() takes through a spectrum
     uint8_t started_ = 0;      // one bit per axis: whether the axis is started
     bool passing_ = false;
 };

@@ -15,8 +15,8 @@ class Sampler {
     explicit Sampler(SamplingMode mode) : by_edges_(mode == SamplingMode::data_ready) {}
 
     // Call this at boot. In timer mode, a sampling instant is due at each multiple of the period from now on,
-    // also without a sensor. This series of instants never begins anew: after a wrap of the clock, a new
-    // series at multiples of the period would no longer coincide with the ticks of the board's timer.
+    // also without a sensor. Do not call this again: after a wrap of the 32-bit clock, multiples of the
+    // period are other times, at which the board's timer gives no interrupt.
     void begin(uint32_t now_us) { next_due_us_ = (now_us / kPeriodUs + 1) * kPeriodUs; }
 
     // Call this when the sensor begins to run. The numbering of the instants begins when the sensor runs for
@@ -47,9 +47,9 @@ class Sampler {
     // Call this if the instant that poll() announced gets no sample.
     void missed() { ++overruns_; }
 
-    // Call this with the time `burst_us` at which the reading of a sample began. If more instants have passed
-    // since poll(), because a first attempt to read took long, the sample belongs to the newest of them. The
-    // instant that poll() announced is then an overrun.
+    // Call this with the time `burst_us` at which the reading of a sample began. If a first attempt to read
+    // took long, further instants may have passed since poll(). The sample then belongs to the newest
+    // instant, and the instant that poll() announced counts as an overrun.
     void burst_began(uint32_t burst_us) {
         if (!by_edges_) {
             if (poll_timer(burst_us)) missed();
@@ -61,8 +61,7 @@ class Sampler {
         take(seen);
     }
 
-    // due_us(), sequence() and instant() return the time of the instant that poll() announced, and its number
-    // (in 16 bits and in 32 bits).
+    // The sampling instant that poll() announced: its time, its number in 16 bits, its number in 32 bits.
     uint32_t due_us() const { return due_us_; }
     uint16_t sequence() const { return static_cast<uint16_t>(instants_ - 1); }
     uint32_t instant() const { return instants_ - 1; }
@@ -113,9 +112,9 @@ class Sampler {
         pass(came > by_time ? came : by_time);
     }
 
-    // Counts sampling instants by the elapsed time while the sensor's interrupt gives no edges. Each instant
-    // is counted half a period after it was due. The next edge, if edges come again, is then one period after
-    // the last counted instant, and counts as exactly one instant.
+    // Counts sampling instants by the elapsed time while the sensor does not run and so gives no edges. Each
+    // instant is counted half a period after it was due. So if an edge comes at an instant, this instant is
+    // not counted yet, but all before it are: the edge counts as exactly one instant.
     void pass_by_time(uint32_t now_us) {
         const uint32_t elapsed_us = now_us - accounted_us_;
         if (elapsed_us < kPeriodUs + kPeriodUs / 2) return;

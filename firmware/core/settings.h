@@ -73,8 +73,9 @@ constexpr uint32_t kI2cTimeoutUs = 3000;
 // Variant, guard, start-up window and the numbers of the filters are the same as those of `fltea run`
 // (filter_settings.h).
 constexpr bool kEstimate = FLTEA_ESTIMATE;
-// ESTIMATE frames are sent for each sample whose sequence number is a multiple of this number. From 20 Hz on,
-// that is ten times a second. If this number were 2, the serial port would be two thirds full at 100 Hz.
+// ESTIMATE frames are sent for each sample whose sequence number is a multiple of kEstimateEvery. From 20 Hz
+// on, this gives about ten estimates a second. With frames for every second sample, the serial port would be
+// two thirds full at 100 Hz.
 constexpr uint16_t kEstimateEvery = FLTEA_RATE_HZ < 20 ? 1 : FLTEA_RATE_HZ / 10;
 
 // Whether the device also fits the noise by maximum likelihood. One slice of a fit must not take longer than
@@ -85,9 +86,9 @@ constexpr uint16_t kEstimateEvery = FLTEA_RATE_HZ < 20 ? 1 : FLTEA_RATE_HZ / 10;
 constexpr bool kFit = FLTEA_FIT;
 static_assert(!kFit || (kEstimate && kSamplePeriodUs >= 5000),
               "fits need the estimates' queue, and at most 200 samples a second");
-// Whether the filters take their variances Q (of a step) and R (of the white noise) from a fit, as soon as a
-// fit rejects white noise and gives a definite order. -DFLTEA_TUNED=true switches this on. The host's filters
-// then have other settings than the board's, so the host does not compare its estimates with the board's.
+// Whether the board's filters take their variances Q (of a step of the state) and R (of the white noise) from
+// each fit that rejects white noise and determines the order. -DFLTEA_TUNED=true switches this on. The host's
+// filters do not follow these changes, so the host does not compare its estimates with the board's then.
 #ifndef FLTEA_TUNED
 #define FLTEA_TUNED false
 #endif
@@ -96,11 +97,11 @@ static_assert(!kTuned || kFit, "only a fit tells what to tune to");
 // Number of samples from the beginning of one round of fits (one fit per axis) to the next round. It is the
 // number of samples in 3 s.
 constexpr uint16_t kFitEvery = 3 * FLTEA_RATE_HZ;
-// One of this many fits of an axis is sent together with the bins of the spectrum that was fitted.
+// The first of every kSpectrumEvery fits of an axis is sent with the bins of the spectrum that was fitted.
 constexpr uint16_t kSpectrumEvery = 10;
-// Percentage of the processor time that the fits may use. Together with the rest of the program, this is a
-// quarter of the processor at 100 Hz. A round of fits usually takes 4 to 6 % of its three seconds. At this
-// percentage, a round that searches on a grid takes longer than three seconds.
+// Percentage of the processor time that the fits may use. At 100 Hz, the fits and the rest of the program
+// then use a quarter of the processor. Most rounds of fits need 4 to 6 % of the three seconds until the next
+// round is due. A round that searches on a grid needs more, so it takes longer than three seconds.
 constexpr uint32_t kFitShare = 6;
 
 // Baud rate of the serial port. 250,000 baud is exact on the Due (84 MHz / 16 / 21) and on its USB chip, and

@@ -6,9 +6,9 @@
 namespace fltea {
 namespace whittle {
 
-// The families of spectra. A spectrum is the sum of its parts and of white noise of variance R. A part is its
-// variance times a spectrum of fixed scale. This is the spectrum that the part has if its innovations have
-// variance 1 or, for a low-pass, the spectrum that is 1 at frequency 0.
+// The families of spectra. A spectrum is the sum of the spectra of its parts, and of white noise of variance
+// R. The spectrum of a part is a variance times a spectrum of fixed scale. For a low-pass, the latter is 1 at
+// frequency 0. For any other part, it is the spectrum if the white noise that drives the part has variance 1.
 enum Family : int {
     kWhite,
     kFractional,
@@ -27,12 +27,13 @@ enum Family : int {
     kFamilies
 };
 
-// Array sizes for each number type: shapes (the numbers that determine the shapes of the parts: order and
-// feedback, or the poles), parts in addition to white noise, and free parameters.
+// Sizes of the arrays that hold the numbers of a spectrum, for the number type R. kShapes: the numbers that
+// determine the form of the spectrum, such as an order. kParts: parts in addition to white noise. kFree: free
+// parameters of a fit.
 template <class R>
 struct Room {
     enum { kShapes = 6, kParts = 6, kFree = 12 };
-    // Returns the value that -log L has for parameters without a spectrum.
+    // Returns the number that stands for -log L (L: likelihood) if the parameters give no valid spectrum.
     static constexpr R impossible() { return 1e300; }
 };
 // The array sizes for float, the number type on the board, which fits only the fractional model and AR(1).
@@ -47,11 +48,14 @@ struct Most {
     enum { kNumbers = Room<R>::kShapes + Room<R>::kParts + 1 };
 };
 
-// The numbers of a spectrum. The array `shape` contains order α and feedback g of the fractional model, order
-// d and coefficient φ of ARFIMA, the coefficients φ1 and φ2 of AR(2), the coefficient φ of each AR(1) in a
-// sum, or the exponent δ of noise that rises with the frequency. For a low-pass 1 / (1 + (λ²/c)^n) it
-// contains log c and n, and then the φ of each AR(1) that is added to the low-pass. `variance` contains the
-// variances of the parts, and `white` is the variance R of the white noise.
+// The numbers of a spectrum: the variances of its parts, the variance `white` of the white noise, and the
+// numbers `shape`, which determine the form. For each family, `shape` contains:
+//   fractional model: order α, feedback g
+//   ARFIMA: order d, coefficient φ
+//   AR(2): coefficients φ1 and φ2
+//   sum of AR(1): the coefficient φ of each
+//   low-pass 1 / (1 + (λ²/c)^n) at the frequency λ: log c, n, and the φ of each AR(1) that is added
+//   noise that rises with the frequency: exponent δ
 template <class R>
 struct Natural {
     R shape[Room<R>::kShapes];
@@ -59,10 +63,10 @@ struct Natural {
     R white;
 };
 
-// Sums over the bins of a periodogram. c is the number of ordinates of a bin, S the model's spectrum, and r =
-// I/S the power of the bin divided by S. D is the vector of the derivatives of log S by the numbers in
-// `Natural`: by the shapes, by the logarithms of the parts' variances, and by the logarithm of R, in this
-// order.
+// Sums over the bins of a periodogram. A bin is the mean I of c neighbouring values (ordinates) of the
+// periodogram. S is the model's spectrum in the bin, and r = I/S. D is the vector of the derivatives of log S
+// by the numbers in `Natural`: first by `shape`, then by the logarithms of the parts' variances, and last by
+// the logarithm of the white noise's variance.
 template <class R>
 struct Sums {
     enum { kMost = Most<R>::kNumbers };

@@ -1,10 +1,11 @@
 // Minimizes -log L by Fisher scoring with Levenberg's damping. Scoring replaces the curvature of -log L by
 // its expectation, which is never negative and needs no second derivatives.
 //
-// If the scale of the spectrum S is free, the scale is eliminated. At the best scale, -log L = Σ c log S + m
-// log(Σ c I/S / m) + m. Here the sums are over bins of c ordinates with the power I, and m is the number of
-// all ordinates. The information about the scale is removed from the Fisher information matrix. For this, the
-// code uses that the derivative of log S by the logarithm of the scale is 1 in every bin.
+// If the scale of the spectrum S is free, the search does not vary it: for given other parameters, the best
+// scale is Σ c I/S / m. With this scale, -log L = Σ c log S + m log(Σ c I/S / m) + m. The sums are over bins,
+// each the mean I of c ordinates, and m is the number of all ordinates. The Fisher information matrix, too,
+// is that of the other parameters alone. It follows from the full matrix by a subtraction, since the
+// derivative of log S by the logarithm of the scale is 1 in every bin.
 #ifndef FLTEA_WHITTLE_SCORING_HPP
 #define FLTEA_WHITTLE_SCORING_HPP
 
@@ -26,8 +27,9 @@ struct Point {
 
 const double kLeastCurvature = 1e-30;
 
-// Computes -log L at point.theta and its derivatives, from the sums over the bins. `Target` is a class with
-// `ordinates`, sums() and nll().
+// Computes -log L at point.theta and its derivatives, from the sums over the bins. `target`: the data to
+// which the model is fitted. It has the number of ordinates, and the function nll(), which turns sums into
+// -log L.
 template <class Target, class R>
 void conclude(const Target& target, const Model<R>& model, const Mapped<R>& at, Sums<R>& sums,
               Point<R>& point) {
@@ -72,9 +74,10 @@ void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
     conclude(target, model, at, sums, point);
 }
 
-// Solves (A + damping diag A) x = -b for the step x of those free parameters that are not `given`. A is the
-// Fisher information and b the gradient of -log L. Only rounding can make A negative. A parameter whose
-// diagonal element of A is only a rounding error gets an unlimited step.
+// Solves (A + damping diag A) x = -b for the step x of the free parameters. A is the Fisher information and b
+// the gradient of -log L. `given`: flags of the parameters whose step the caller has already written into
+// `step`. If a diagonal element of A is only a rounding error, the step of its parameter becomes very long,
+// and the caller has to limit it.
 template <class R>
 void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) {
     R L[Room<R>::kFree][Room<R>::kFree];
@@ -103,14 +106,14 @@ void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) 
 }
 
 // Returns how far a free parameter may move up or down in one step. Steps are limited because the derivatives
-// are not valid for long ones. The order moves by at most 0.3. Another parameter moves by at most 1. But far
-// from the middle of its range, in a tail, it is like the logarithm of a small number, and moves by at most
-// half its distance from the middle. A step out of a tail is unlimited, because applied() then adds the step
-// to the small number itself, and not to its logarithm.
+// are not valid for long ones. The order moves by at most 0.3, any other parameter usually by at most 1. If a
+// parameter is more than 2 away from the middle of its range, it is like the logarithm of a small number.
+// Then it may move away from the middle by half its distance from it. A step towards the middle is
+// unlimited, because applied() then lets the small number grow by the proportion `step`.
 template <class R>
 R longest(const Model<R>& model, int i, R theta, bool up) {
     if (i == 0 && order_first(model)) return R(0.3);
-    // the logarithm of a low-pass's corner frequency is a logarithm everywhere, so it has no tails
+    // the logarithm of a low-pass's corner frequency may move by 1 wherever it is
     if (i == 0 && low_pass(model.family)) return R(1);
     const R tail = theta - centre(model, i);
     if (math::fabs(tail) > 2 && up == (tail < 0)) return Room<R>::impossible();
@@ -125,8 +128,8 @@ R applied(const Model<R>& model, int i, R theta, R step) {
     return step > 0 ? math::log1p(step) : -math::log1p(-step);
 }
 
-// What a step within the limits of longest() promises: the decrease of -log L, and whether the step is the
-// full step of the scoring.
+// What a step promises: the decrease of -log L that the derivatives predict, and whether the step is whole,
+// that is, whether no limit (of longest(), or of a parameter's range) has shortened it.
 template <class R>
 struct Promise {
     R decrease;
@@ -177,8 +180,8 @@ struct Patience {
     int steps;    // largest number of evaluations
     R tolerance;  // the search ends when a step promises to decrease -log L by less than this
     R inside;     // the search ends when -log L is below this
-    // the search is given up while -log L is above this, if even 20 times the decrease that a complete step
-    // promises would not bring it below, twice in a row
+    // The search is given up if two steps in a row are hopeless. A step is hopeless if it is whole (Promise)
+    // and -log L would stay above this number even with 20 times the decrease that the step promises.
     R outside;
 };
 

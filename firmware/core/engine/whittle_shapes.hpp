@@ -1,11 +1,15 @@
-// The spectra of noise that are fitted to a periodogram. One source serves the host's kernels (several bins
-// at a time, in double) and the board (bin by bin, in float). This file also has the sums over the bins for
-// the host's fits; those of the board are in sliced_target.hpp.
+// The models' noise spectra, which are fitted to a periodogram. One source serves the host's kernels (several
+// bins at a time, in double) and the board (bin by bin, in float). This file also has the sums over the bins
+// for the host's fits. The sums for the board's fits are in sliced_target.hpp.
 //
-// The argument `columns` gives the values that depend only on the frequency λ of bin i (or of kWidth bins
-// from i on), not on the parameters: counts(i), number of ordinates; ln_size(i), log |1 - e^{-iλ}|;
-// quarter(i), (π - λ) / 2; turn(i), λ; square(i), |1 - e^{-iλ}|²; cos1(i) and sin1(i), cosine and sine of λ;
-// cos2(i) and sin2(i), those of 2λ.
+// The argument `bins` gives numbers of bin i (or of kWidth bins from i on) that do not depend on the model's
+// parameters. λ is the bin's frequency [radians per sample], and i in an exponent is the imaginary unit:
+//   counts(i): how many values of the periodogram the bin averages
+//   ln_size(i): log |1 - e^{-iλ}|
+//   quarter(i): (π - λ) / 2
+//   turn(i): λ
+//   square(i): |1 - e^{-iλ}|²
+//   cos1(i), sin1(i), cos2(i), sin2(i): cosine and sine of λ and of 2λ
 #ifndef FLTEA_WHITTLE_SHAPES_HPP
 #define FLTEA_WHITTLE_SHAPES_HPP
 
@@ -19,8 +23,8 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Returns the smallest value of a squared distance between complex numbers that is more than a rounding
-// error.
+// Returns the least value to which the inverse of a part's spectrum is set. Rounding can make the inverse
+// smaller, even 0, and the spectrum would then be infinite.
 template <class R>
 constexpr R nearly_nothing() {
     return sizeof(R) == 8 ? R(1e-200) : R(1e-30);
@@ -38,9 +42,10 @@ Number sin_pi_of(Number x) {
 }
 inline float sin_pi_of(float x) { return math::sin_pi(x); }
 
-// Each class below is one family of spectra. It computes the spectra of the family's parts for innovations of
-// variance 1, and the derivatives of the logarithms of these spectra by the shapes (the numbers that
-// determine the form of a part, such as α). Shape k belongs to the part `part_of(k)`.
+// Each class below is one family of spectra. It computes the spectrum that each part has if the white noise
+// that drives the part has variance 1. It also computes the derivatives of the logarithms of these spectra by
+// the shapes, the numbers that determine the form of a part, such as α. Shape k belongs to the part
+// `part_of(k)`.
 template <class Number>
 struct White {
     enum { kShapes = 0, kParts = 0 };
@@ -84,8 +89,8 @@ struct Fractional {
     Number turns(const Columns& bins, std::size_t i, Number quarter) const {
         return (alpha * quarter + bins.turn(i)) * R(0.31830988618379067);
     }
-    // |(1 - e^{-iλ})^α - g e^{-iλ}|², the inverse of the part's spectrum. Only rounding can make it zero or
-    // negative.
+    // |(1 - e^{-iλ})^α - g e^{-iλ}|², the inverse of the spectrum of the fractional model with order α and
+    // feedback g. Only rounding can make the inverse zero or negative.
     Number distance(Number size, Number real) const {
         using engine::max;
         return max(size * size - R(2.0) * g * real + g * g, Number(nearly_nothing<R>()));
@@ -176,9 +181,9 @@ struct RunningSums {
     Number log_spectrum, ratio, slopes[kNumbers], weighted[kNumbers], squares[kSquares];
 };
 
-// Adds bin i with the power `power` to the sums of Whittle's likelihood. Its first sum is that of c log S,
-// where c is the bin's number of ordinates and S the model's spectrum. With I for the bin's power,
-// Likelihood::term(c, S, I, 1/S) takes the place of c log S, so that other likelihoods are possible.
+// Adds bin i with the power I (`power`) to the sums that a fit needs. For Whittle's likelihood, the first of
+// the sums is that of c log S: c is the bin's number of ordinates, and S the model's spectrum. For other
+// likelihoods it is another sum, so its terms come from Likelihood::term(c, S, I, 1/S).
 template <class Likelihood, class Shape, class Columns, class Number, class R>
 inline void add_bin(const Shape& shape, const Columns& bins, std::size_t i, Number power,
                     const Natural<R>& natural,

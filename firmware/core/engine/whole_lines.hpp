@@ -19,8 +19,8 @@ class WholeLines {
 
     int size() const { return n_; }
 
-    // Copies the n samples x of a stretch. Subtracts their mean or, if `slow`, a fitted cubic polynomial. If
-    // the cubic were not subtracted, a drift whose end differs from its beginning would leak into all
+    // Copies the n samples x of a stretch and subtracts their mean. `slow`: whether a fitted cubic polynomial
+    // is subtracted, too. Without this, a drift whose end differs from its beginning would leak into all
     // frequencies.
     void take(const std::int32_t* x, int n, bool slow) {
         n_ = n;
@@ -48,7 +48,7 @@ class WholeLines {
     // Returns ordinate j of the periodogram: |sum of x e^{-iλt}|² / n at λ = 2π j / n, in the squared unit of
     // x, for 0 < 2j < n.
     float power(int j) const {
-        // The angle per sample is divided by π, in units of 2^-28. Cosines and sines are in units of 2^-30.
+        // `angle` is λ / π, in units of 2^-28. Cosines and sines are in units of 2^-30.
         const std::int32_t angle =
             static_cast<std::int32_t>((static_cast<std::int64_t>(2 * j) * (1 << 28) + n_ / 2) / n_);
         const std::int32_t c = cosine(angle), s = fixed::sin_pi(angle);
@@ -81,8 +81,8 @@ class WholeLines {
         return static_cast<std::int64_t>(whole) * (INT64_C(1) << kFine) +
                static_cast<std::int32_t>(rest * static_cast<float>(1 << kFine));
     }
-    // the differences of the cubic are in units of 2^-30, so that their rounding errors add up to only 0.01
-    // over 512 samples
+    // The cubic is computed from sample to sample by adding differences. The differences are in units of
+    // 2^-30, so that their rounding errors add up to only 0.01 over 512 samples.
     enum { kFine = 30 };
 
     // Subtracts from y_ the cubic in t = 2i - (n - 1) that fits best, using orthogonal polynomials.
@@ -96,18 +96,18 @@ class WholeLines {
             by_square += along * t;
             by_cube += along * (static_cast<std::int64_t>(t) * t);
         }
-        // Mean squares of the orthogonal polynomials over the samples. The mean square of the linear one, t,
-        // is (n² - 1) / 3.
+        // Over the samples, the polynomials 1, t, t² - level and t³ - bend t are orthogonal. The mean squares
+        // of the last three are `level`, `square` and `cube`.
         const float n = static_cast<float>(n_), nn = n * n, level = (nn - 1) / 3;
-        const float bend = (3 * nn - 7) / 5;  // mean of t⁴ over the samples, divided by that of t²
+        const float bend = (3 * nn - 7) / 5;
         const float square = 4.0f * (nn - 1) * (nn - 4) / 45;
         const float cube = 4.0f * (nn - 1) * (nn - 4) * (nn - 9) / 175;
         const float mean = fixed::to_float(sum, 0) / n;
         const float a = fixed::to_float(by_t, 0) / (n * level);
         const float b = (fixed::to_float(by_square, 0) / n - level * mean) / square;
         const float c = (fixed::to_float(by_cube, 0) - bend * fixed::to_float(by_t, 0)) / (n * cube);
-        // Evaluates the cubic from the first sample on: its first, second and third differences are added up
-        // repeatedly.
+        // `value` is the cubic at the first sample. Its value at the next sample follows by adding its first
+        // difference. The second difference is then added to the first, and the third to the second.
         const float t = 1 - n, linear = a - c * bend;
         std::int64_t value = fine(mean - b * level + t * (linear + t * (b + t * c)));
         std::int64_t first = fine(2 * linear + b * (4 * t + 4) + c * (6 * t * t + 12 * t + 8));

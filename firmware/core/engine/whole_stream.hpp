@@ -40,8 +40,8 @@ class WholeStream {
         int stretches, open;  // `open`: 1 if the last stretch has not ended
         int place[kMostMadeUp], made_up;
 
-        // Among the values from index `from` to before `to`, the index of the last one that was not measured,
-        // counted from `from`; -1 if all were measured.
+        // Finds the last filled-in value (one that was not measured) with an index from `from` to below `to`.
+        // Returns its index minus `from`, or -1 if there is none.
         int last_made_up(int from, int to) const {
             int last = -1;
             for (int i = 0; i < made_up; ++i) {
@@ -92,8 +92,9 @@ class WholeStream {
         while (table_.made_up > 0 && table_.place[table_.made_up - 1] >= size_) --table_.made_up;
     }
 
-    // Drops samples whose numbers are below `least`. From one sample to the next, the number grows by `step`.
-    // Also drops a stretch of which less than kShortest would be left, if the stretch has ended.
+    // Drops all samples with a sample number below `least`. `step`: difference between the numbers of
+    // neighbouring samples, which is not 1 at a lower rate. If a stretch has ended and fewer than kShortest
+    // of its samples would be left, they are dropped, too.
     void drop_before(std::uint64_t least, std::uint64_t step) {
         int gone = 0, dropped = 0;
         while (dropped < table_.stretches && table_.stretch[dropped].first < least) {
