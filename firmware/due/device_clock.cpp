@@ -19,8 +19,8 @@ static_assert(kCountsPerUs * 2 * 1000000 == clock::kMasterHz, "a microsecond is 
 constexpr uint32_t kTickUs = settings::kSamplePeriodUs;
 constexpr uint32_t kTickCounts = kTickUs * kCountsPerUs;
 
-// Time and counter value at the last tick. The counter alone would not give the time, because it wraps after
-// 102 s, which is not a whole number of microseconds.
+// Time and counter value at the last timer interrupt (tick). The counter alone would not give the time: it
+// wraps every 2^32 counts (102 s), which is not a whole number of microseconds.
 uint32_t tick_us;
 uint32_t tick_count;
 
@@ -45,8 +45,8 @@ uint32_t DeviceClock::now_us() {
 
 void on_tick() {
     TC0_SR0::read();  // reading this register clears the interrupt request
-    // The counter value at which the next interrupt comes is set before the counter is read again. No tick
-    // can therefore be missed between the two.
+    // The counter value of the next interrupt is set first, and the counter is read afterwards. If the
+    // counter has passed that value meanwhile, the loop handles this tick as well, so no tick is missed.
     while (TC0_CV0::read() - tick_count >= kTickCounts) {
         tick_count += kTickCounts;
         tick_us += kTickUs;

@@ -74,7 +74,7 @@ extern "C" [[noreturn]] void reset_handler() {
     for (uint32_t* word = data_begin; word != data_end; ++word) *word = *image++;
     for (uint32_t* word = bss_begin; word != bss_end; ++word) *word = 0;
     // After a reset, the processor reads the vector table at address 0, where the chip shows the flash a
-    // second time. From here on, the processor reads the table at the address for which it was linked.
+    // second time. From here on, the processor reads the table at its own address in the flash.
     cortex_m3::SCB_VTOR::write(static_cast<uint32_t>(reinterpret_cast<uintptr_t>(&fltea::due::kVectors)));
     main();
     unexpected_handler();

@@ -15,9 +15,9 @@ using namespace sam3x;
 constexpr uint32_t kSda = 1u << 12;  // pin PB12, whose peripheral A is TWD1 (SDA)
 constexpr uint32_t kScl = 1u << 13;  // pin PB13, whose peripheral A is TWCK1 (SCL)
 
-// Each half of a bit lasts for its divider (CLDIV or CHDIV) plus 4 periods of MCK (SAM3X datasheet, TWI Clock
-// Waveform Generator Register). SCL is low for longer than it is high, as the fast mode of I2C demands (NXP
-// UM10204, table 10).
+// In each bit, SCL is low for CLDIV + 4 periods of MCK and high for CHDIV + 4 periods (SAM3X datasheet, TWI
+// Clock Waveform Generator Register). SCL is low for longer than it is high, as the fast mode of I2C demands
+// (NXP UM10204, table 10).
 constexpr uint32_t kFixed = 4;
 constexpr uint32_t kBit = clock::kMasterHz / settings::kI2cHz;
 constexpr uint32_t kLow = kBit * 54 / 100;

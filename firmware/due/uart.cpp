@@ -17,7 +17,8 @@ using namespace sam3x;
 // The divisor is computed as in the SAM3X datasheet, UART, Baud Rate Generator.
 constexpr uint32_t kBaudTimes16 = settings::kLineBaud * 16;
 constexpr uint32_t kDivisor = (clock::kMasterHz + kBaudTimes16 / 2) / kBaudTimes16;
-// If the baud rates of both ends differ by twice this error, a byte of ten bits still arrives correctly.
+// The baud rate is right within 1 %. If that of the host is, too, the two differ by at most 2 %, and a byte
+// of ten bits still arrives correctly.
 static_assert(kDivisor * kBaudTimes16 >= clock::kMasterHz / 100 * 99 &&
                   kDivisor * kBaudTimes16 <= clock::kMasterHz / 100 * 101,
               "the baud rate is right within 1 %");
