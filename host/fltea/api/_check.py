@@ -44,9 +44,10 @@ _FLAG = re.compile(
     rf"(?<![\w/.-])({'|'.join(PARAMETERS)})(?![-\w]|\.\w)"
     r"(?:[ =](?:('[^']*')|(?=[^\s'])(\S*?)(?=[.,:;)]*(?:\s|$)))( (?=--))?)?"
 )
-"""Match a flag and the word after it, which is its value or the next word of a sentence.
+"""Match a flag in a message, and the word after it if there is one.
 
-Punctuation after that word is not matched.
+The word may be the flag's value, or only the next word of the message: `_parameter` tells the two apart.
+Punctuation after the word is not matched.
 """
 
 _SIGNS_OF_VALUES = re.compile(r"[\d/=:?,_]")
@@ -78,8 +79,8 @@ def _call(command: str) -> str | None:
 
     `command`: the text that follows `fltea identify` in the message, up to the end of the line.
 
-    Return None if this text is not a file followed by flags only. For instance, the message's sentence may go
-    on after the file's name.
+    Return None if anything but flags and their values follows the file's name in this text (the message's
+    sentence may go on there), or if there are no flags.
     """
     try:
         path, *words = shlex.split(command)
@@ -147,8 +148,8 @@ def scale(unit: str | None, y: Array | None = None, rate_hz: float | None = None
     try:
         factor, lsb = parse_units(str(unit))
     except UsageError as error:
-        # The end of this help text is left out: it says that in `lsb:N` N counts are 1 g. In the parameter
-        # `unit`, N counts are 1 deg/s.
+        # The end of ACCEL_UNITS_HELP is left out. It says that `lsb:N` means N counts per g. In the parameter
+        # `unit`, `lsb:N` means N counts per deg/s.
         accel = ACCEL_UNITS_HELP.partition(", or")[0]
         raise ValueError(
             f"unit must be the samples' unit: for a gyroscope {UNITS_HELP}; for an accelerometer {accel}; "

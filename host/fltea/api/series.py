@@ -133,7 +133,7 @@ def watched_looks(
 def agreed(examined: Mapping[str, Examined], h: float) -> dict[str, FittedSystem]:
     """Return, by axis name, the state-space model with which the bias of each axis is tracked.
 
-    The axes of a sensor share one figure for the random walk of the offset, if they agree on it.
+    In the models of one sensor's axes, the offset's random walk has the same size, if the data allow it.
     """
     return in_agreement({name: one.tracked for name, one in examined.items()}, h)
 
@@ -152,8 +152,8 @@ def examine(
         h: sampling period [s].
         options: how to identify.
         known: findings about the whole recording that concern the axis.
-        left_out: steps and motion to leave out. None: the tracker, which finds them, has not run yet; then
-            samples that look like motion are left out.
+        left_out: steps and motion that the tracker has found, to be left out. None: the tracker has not run
+            yet; then samples that look like motion are left out.
     """
     analysis, series, out, telegraph = analyse_series(series, h, options, left_out)
     fltea_axis(analysis, series.lsb, options).why_not(h)
