@@ -37,10 +37,10 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     """The summary of one recording.
 
     `whole`: all files were finished properly and were read completely. `breaks`: number of gaps that the
-    recorder itself caused. `unrecorded_items`, `unrecorded_bytes`: items and bytes that the recorder counted
+    recorder itself caused. `unrecorded_items`, `unrecorded_bytes`: items and bytes that were not recorded
     in these gaps. `damaged_bytes`: unreadable bytes in the files. `missing`: text that says which files
     before the first one are missing. `being_written`: whether a program is still writing the recording.
-    `epochs`: number of epochs (stretches of samples without a restart) by the reason for their beginning.
+    `epochs`: number of epochs, by the reason for their beginning.
     `counts`: the counts of samples in the `stats` record; `fltea info --json` prints each as a field of its
     own, `delivered` as `samples`. `steps`, `motions`: number of bias steps and of motions in the records;
     None if there are no such records. `resets`: number of times that the device booted again after its first
@@ -106,7 +106,7 @@ def summarise(
         tally.take(event)
     first_ns, longest = tally.first_ns, tally.longest
     unread = mcap.unread if mcap else []
-    # for fltea's own files, other fields of the summary state the faults
+    # for files that fltea wrote, other fields of the summary (`breaks`, `damaged_bytes` …) state the faults
     troubles = tally.troubles if mcap is None else []
     cut = any(trouble.kind in ("cut_recording", "recording_gap") for trouble in troubles)
     return Summary(
@@ -144,7 +144,14 @@ def summarise(
 def _open(
     paths: Sequence[Path], limits: Limits, how: How
 ) -> "tuple[McapRecording | ReplaySource, McapRecording | None, list[Path], str]":
-    """Return the recording, the same recording if fltea wrote it (else None), its files, and its name."""
+    """Open a recording.
+
+    Return four things:
+        the source that reads the recording
+        the same source if fltea recorded it (as MCAP), otherwise None
+        the recording's files
+        the recording's name
+    """
     if len(paths) == 1 and is_one_file(paths[0]):
         return ReplaySource(paths[0], how=how, limits=limits), None, list(paths), str(paths[0])
     mcap = open_mcap(paths, str(paths[0]), limits)()
@@ -180,7 +187,7 @@ class _Tally:
         self.first_ns: int | None = None
         self.last_ns = 0
         self.has_arrivals = False
-        """Whether the recording has arrival times. If not, `host_ns` holds the device's times."""
+        """Whether the recording says when the host received samples; else `host_ns` is the device's time."""
         self.troubles: list[Trouble] = []
         self._of_epoch = 0
 
@@ -282,7 +289,10 @@ def _state(s: Summary) -> str:
 
 
 def _missed(s: Summary) -> str:
-    """Return a text that counts the items that were not recorded and the bytes that cannot be read."""
+    """Return a text: how many items (raw reads, records …) are missing, and how many bytes are unreadable.
+
+    The text is empty if nothing is missing or unreadable.
+    """
     found = ""
     if s.unrecorded_items:
         found += f"; {s.unrecorded_items} items with {s.unrecorded_bytes} bytes of the wire were not recorded"

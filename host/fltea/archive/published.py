@@ -67,7 +67,7 @@ OF_A_CORRECTED_AXIS = {
     "moving": "moving_{axis}",
 }
 NAMED = {"estimates": OF_AN_AXIS, "device_estimates": OF_A_DEVICE_AXIS, "corrected": OF_A_CORRECTED_AXIS}
-"""For each kind of record: the table's columns for those fields that the record has for every axis."""
+"""For each kind of record: the fields that it has for every axis, with their columns in an exported table."""
 
 OF_A_FIT = {
     "alpha": "alpha{end}_{axis}",

@@ -93,9 +93,9 @@ class _Recorder:
 
     @property
     def lost(self) -> int:
-        """Number of items that were written to no file, plus the number of discarded bytes.
+        """Number of items (raw reads, records …) that no file holds, plus the number of lost bytes.
 
-        Bytes from the port are discarded when the disk is too slow.
+        Bytes from the port are lost when the program is too slow, for instance because of a slow disk.
         """
         return self._sink.lost + self._source.link_stats().overflow_bytes
 
