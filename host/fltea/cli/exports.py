@@ -155,10 +155,10 @@ def lines_for(report: "FileReport", program: str, up_to_s: float | None, inflate
 
 
 def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str]) -> Iterator[FlteaError]:
-    """If files or figures are withheld because the data are bad, yield the error that says so.
+    """Yield an error if any of the output that the user asks for is withheld because the data are bad.
 
-    `flags`: given flags that ask for one file about all axes.
-    `of_axes`: given flags that ask for figures of each axis. Axes with good data still get these figures.
+    `flags`: the user's flags that ask for one file about all axes.
+    `of_axes`: the user's flags that ask for figures of each axis. Axes with good data still get these.
     """
     from fltea.identification.axis_report import AxisReport
     from fltea.identification.findings import data_checks

@@ -260,8 +260,7 @@ def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
 def _fail(reports: "Sequence[FileReport]", files: Sequence[str], of_axes: Sequence[str]) -> None:
     """Report all failures and raise the first.
 
-    `files`: those flags of the command line that ask for files. `of_axes`: those that ask for figures of
-    axes.
+    `files`: the user's flags that ask for files. `of_axes`: the user's flags that ask for figures of axes.
     """
     from fltea.identification.axis_report import Failure
 
