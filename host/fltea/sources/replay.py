@@ -274,7 +274,7 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
         raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, block.gyro, accel)
         begins = [0, *np.flatnonzero(breaks).tolist()]
         for begin, end in zip(begins, [*begins[1:], len(sequence)], strict=True):
-            if begin or end == 0:  # `end == 0`: the epoch begins with the block's first sample
+            if begin or end == 0:  # a break before the first sample gives `end == 0`
                 yield Break("restart", int(host_ns[begin]))
             if end > begin:
                 yield raw.rows(begin, end)
@@ -315,8 +315,8 @@ def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
                 yield from block()
                 hello = record
                 yield record
-            # the recorded beginning of an epoch after a gap is not passed on, since the gap is detected
-            # again, by the limit that is set now
+            # The recording also says that an epoch began after a gap. This is not passed on: the replay
+            # detects the gap again, by the limit that is set now.
             case EpochMark(reason=reason) if reason != "gap":
                 yield from block()
                 yield Break(record.reason, record.host_ns)

@@ -60,9 +60,9 @@ class SerialSource:
         return self._wire.decoder
 
     def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
-        """Yield the events that belong to one item from `decoder`.
+        """Yield the events that follow from `item`, which `decoder` gave.
 
-        The events must be taken before the decoder is asked for the next item.
+        Consume the events before you ask the decoder for its next item.
         """
         return self._wire.events_of(item)
 

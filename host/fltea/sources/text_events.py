@@ -54,9 +54,10 @@ class Counts:
 
 
 class LeftOut:
-    """Rows of numbers that are no sample. `counts`: their number, by reason. `newest`: text about the last.
+    """The rows of numbers that are no sample and were left out.
 
-    `told`: the number of all lines without a sample, as it was at the last report of such lines.
+    `counts`: their number, by reason. `newest`: text about the last one. `told`: how many lines without a
+    sample there were in total when such lines were last reported.
     """
 
     def __init__(self) -> None:
@@ -79,7 +80,7 @@ class Introduction:
         self.is_due = False
 
     def reboot(self) -> None:
-        """Begin another boot, since the sender restarted or its samples have other axes."""
+        """Let the next HELLO name another boot, since the sender restarted or its samples have other axes."""
         self.boot_id = (self.boot_id + 1) % (1 << 32)
         self.is_due = True
 
@@ -312,7 +313,8 @@ class TextEvents:
     def _report_lines(self, now_ns: int) -> Iterator[Trouble]:
         """Report lines of text that contain no sample.
 
-        Lines that come before the columns are known are reported only if no sample follows.
+        Lines at the beginning of the input, before the columns are known, are reported only if there are at
+        least FEW_LINES of them and none is a sample.
         """
         early = self.reader.bad.counts["before_header"]
         total = self.reader.left_out + self._left_out.counts.total()

@@ -97,9 +97,13 @@ class WireEvents:
     def feed(self, item: TransportEvent | Reads | None, now_ns: int) -> Iterator[Event]:
         """Yield the events (such as a HELLO or samples) that follow from what came from the port.
 
-        `item`: one event of the transport, or the bytes of many reads, or None: nothing came for a while.
-        Many reads give the same events as if they were passed one by one, including a `Tick` where nothing
-        came for a while between them.
+        `item` is one of the following:
+            one event of the transport: bytes, or a note that the port was opened or failed
+            `Reads`, the bytes of many reads: they give the same events as if they were passed one by one,
+                with a
+                `Tick` for each pause between them
+            None: nothing came for a while
+
         `now_ns`: present time of the monotonic clock [ns]. For a recording, it is the recorded time of the
         event or of the first read.
         """
