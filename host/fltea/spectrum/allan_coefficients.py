@@ -1,4 +1,6 @@
-"""Read N, B and K of IEEE Std 952 from an Allan deviation σ(τ): each where the curve has its slope.
+"""Read N, B and K of IEEE Std 952 from a curve of Allan deviations σ(τ).
+
+Each coefficient is read where the curve has a slope of its own:
 
     N  angle random walk   σ = N / √τ               slope -1/2, read at τ = 1 s
     B  bias instability    σ = B √(2 ln 2 / π)      slope 0, or the lowest point
@@ -28,8 +30,8 @@ first τ.
 """
 TOLERANCE = 0.1
 K_TOLERANCE = 0.25
-"""Tolerance of the slope +1/2 for K. It is wider than TOLERANCE, since the curve is uncertain at long τ, and
-no other kind of noise has a slope near +1/2.
+"""K is read where the slope of the curve differs from +1/2 by at most this. N and B have the smaller
+TOLERANCE. The curve is uncertain at the long τ where K is read, and no other noise has a slope near +1/2.
 """
 FEWEST_AVERAGED = 5
 """K and flat stretches are read only at averaging times τ of at least this many samples. At shorter τ, the
@@ -140,10 +142,10 @@ class _Curve:
         return best
 
     def line(self, part: slice, slope: float, at_s: float) -> Coefficient:
-        """Return the value at τ = `at_s` of a line that is fitted to the points of `part`.
+        """Return the value at τ = `at_s` of a straight line through the points `part` of the curve.
 
-        In log σ over log τ, the line has the slope `slope`. The points are weighted by their degrees of
-        freedom.
+        The line has the given `slope` in log σ over log τ. Its height is the mean of the points, weighted by
+        their degrees of freedom.
         """
         log_line = np.log(self.deviation[part]) - slope * np.log(self.tau[part] / at_s)
         value = float(np.exp(np.average(log_line, weights=self.dof[part])))

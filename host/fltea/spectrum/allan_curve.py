@@ -25,7 +25,7 @@ CONFIDENCE = 0.95
 SHORTEST_RECORD = 100
 """An Allan deviation is computed only from at least this many samples."""
 LONGEST_SHARE = 1 / 3
-"""The longest averaging time of a live curve, divided by the length of the record."""
+"""The longest averaging time of a live sensor's curve, divided by the length of the record."""
 AROUND = 2.0
 """The local slope at an averaging time τ is fitted to the points from τ / AROUND to τ · AROUND."""
 
@@ -121,11 +121,12 @@ def fit_allan(
 ) -> FitAllan | None:
     """Return the curve for the output record `fit`, which also contains the curve of the model `noise`.
 
-    The result is None while there are too few samples or the axis is constant. `f`: the candidate models, of
-    which `noise` is one. `sums`: averaging times in samples, Allan variances and terms, as `live_allan` takes
-    them. `samples`: number of samples in these sums. `h`: sampling period [s]. `N`: the angle random walk of
-    `noise`. It replaces the angle random walk that is read from the curve, since other parts of the noise
-    bend the curve.
+    The result is None while there are too few samples or the axis is constant.
+
+    `sums`: averaging times in samples, Allan variances, and numbers of averaged differences, as `live_allan`
+    takes them. `samples`: number of samples in these sums. `h`: sampling period [s]. `f`: the candidate
+    models, of which `noise` is one. `N`: the angle random walk of `noise`. It replaces the one that is read
+    from the curve, since other parts of the noise bend the curve.
     """
     factors, avar, terms = sums
     try:
@@ -164,15 +165,16 @@ def points(
 
     `h`: sampling period [s].
 
-    `factors`: averaging times in samples. `dof`: function that returns the degrees of freedom of all points.
-    It takes, for each point, the exponent (0 to -2) of the noise's power spectrum at the frequencies around
-    1/τ.
+    `factors`: averaging times in samples. `dof`: function that returns the degrees of freedom of the Allan
+    variance at each point. Its argument says which noise was found at each point: 0 white noise, -1 1/f
+    noise, -2 a random walk. (This is the exponent of the noise's power spectrum at the frequencies around
+    1/τ.)
     """
     tau = np.asarray(factors, dtype=np.float64) * h
     slope = local_slopes(tau, deviation)
-    # Where the Allan deviation is ∝ τ^(μ/2), the noise has a spectrum ∝ f^(-1 - μ). Here, noise whose
-    # spectrum rises with the frequency f is treated as white noise. Its Allan deviations have more degrees of
-    # freedom than those of white noise, so the interval becomes too wide, never too narrow.
+    # If the Allan deviation is ∝ τ^s, the noise's power spectrum is ∝ f^(-1 - 2 s). Noise whose spectrum
+    # rises with the frequency f is treated here as white noise. Its Allan variances have more degrees of
+    # freedom than those of white noise, so its interval becomes too wide, never too narrow.
     degrees = dof(np.clip(np.rint(-1 - 2 * slope), -2, 0).astype(np.int64))
     outside = (1 - CONFIDENCE) / 2
     low = deviation * np.sqrt(degrees / chi2_quantile(1 - outside, degrees))

@@ -2,7 +2,8 @@
 
 The formulas are those of C. A. Greenhall and W. J. Riley, "Uncertainty of stability variances based on finite
 differences", PTTI 2003, equations 7 to 10 and 13. They are also in W. J. Riley, NIST SP 1065 (2008), 5.4.1.
-They are exact for an Allan variance whose blocks have m samples and begin every m / S samples.
+They are exact for an Allan variance that compares means of m samples (blocks), where S blocks begin within
+the length of one: a block begins every m / S samples.
 """
 
 import functools
@@ -32,11 +33,9 @@ def degrees_of_freedom(
     """Return the degrees of freedom of each Allan variance, which are 1 or more.
 
     `power`: exponent of the noise's power spectrum around the frequency 1/τ: 0 (white), -1 (flicker) or -2
-    (random walk).
-    `factors`: number m of samples in a block. `terms`: number of differences between neighbouring blocks that
-    were averaged.
-    `most_parts`: largest number S of blocks that begin within the length of a block. For blocks with fewer
-    samples, S is m.
+    (random walk). `factors`: number m of samples in a block. `terms`: number of differences between
+    neighbouring blocks that were averaged. `most_parts`: number S of blocks that begin within the length of a
+    block. If m is smaller, S is m.
     """
     parts = np.broadcast_arrays(
         np.asarray(power, dtype=np.int64),
@@ -82,7 +81,11 @@ def _covariance(power: int, m: float, t: Array) -> Array:
 
 
 def _generalised(power: int, t: Array) -> Array:
-    """Return the generalised autocovariance of the integral (phase) of power-law noise, at the lag `t`."""
+    """Return the generalised autocovariance of the integral (phase) of power-law noise.
+
+    It is called generalised, since the variance of such an integral is infinite. `t`: lags, in lengths of a
+    block.
+    """
     size = np.abs(t)
     exponent = 3 - power
     if power % 2 == 0:

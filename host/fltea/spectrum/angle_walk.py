@@ -1,12 +1,16 @@
-"""N (angle random walk) of a noise model, with a 95 % interval that covers all models that fit as well.
+"""N (angle random walk) of a noise model, with a 95 % interval that allows for other models that fit as well.
 
-The model that stands for the noise may lack a part that is too weak to be found. Most weak parts hardly
-change N. But a relaxation whose corner is near the sample rate looks much like white noise. The fit then
-counts its power as white noise, and N comes out too large by many standard deviations. So three kinds of
-other models are tried as well. The first kind is the best model with an order if the model of the noise has
-none, else the best model without an order. The second kind has the same parts and one more relaxation. The
-third kind has a relaxation, or a rise, in place of all parts that shape the high frequencies, such as
-filters. The interval of N covers the intervals by all those models that describe the data equally well.
+The model that the verdict chose may lack a part that is too weak to be found. Most weak parts hardly change
+N. But a relaxation whose corner is near the sample rate looks much like white noise. If it is missing from
+the model, the fit takes its power for white noise, and N comes out too large by many standard deviations. So
+three kinds of other models are tried as well:
+
+    the best model without an order; if the chosen model is this one, the best model with an order
+    the chosen model with one more relaxation
+    the chosen model with a relaxation, or with a rise (a part whose density rises with the frequency), in
+        place of all parts that shape the high frequencies, such as filters
+
+The interval of N covers the intervals by all those models that describe the data as well as the chosen one.
 """
 
 import math
@@ -37,17 +41,18 @@ from fltea.spectrum.intervals import around, interval_end
 from fltea.spectrum.reading import NO_WHITE
 
 HARDLY_KNOWN = 2.0
-"""N is computed from a power density. N counts as unknown if the half-width of the 95 % interval of the
-density's logarithm is at least this.
+"""N is computed from a power density. N counts as unknown if the density is very uncertain: if half the width
+of the 95 % interval of its logarithm is at least this.
 """
 SHAPES = tuple(kind for kind in CODES if kind is not White and not kind.has("slow"))
 """Kinds of parts of a model that shape the high frequencies. A relaxation, or a rise (a part whose density
 rises with the frequency), is tried in place of all of them.
 """
 SEEN = 2.706
-"""A model with one more relaxation counts as better if it raises 2 log L by at least this. It is the 95 %
-point of the likelihood ratio for a variance that cannot be below 0: with probability 1/2 the ratio is 0, else
-it follows χ² with one degree of freedom (Self & Liang, *JASA* 82, 1987).
+"""A model with one more relaxation counts as better if it raises 2 log L by at least this. Without such a
+relaxation, 2 log L rises this much in one record of twenty. The reason: a relaxation's variance cannot be
+below 0, so the rise is 0 with probability 1/2, else it follows χ² with one degree of freedom (Self & Liang,
+*JASA* 82, 1987).
 """
 FAST = (0.15, 0.3), (0.6, 0.4), (1.8, 0.5)
 """Starting points of the search for one more relaxation. Each has two numbers: the relaxation's corner
@@ -81,8 +86,9 @@ def angle_walk(f: CandidateModels, model: FittedModel) -> Interval:
 def _of_one(f: CandidateModels, model: FittedModel) -> Interval:
     """Return N of `model`, with the 95 % interval that is valid if this model is the right one."""
     terms = list(model.terms())
-    # If the model has a filter, a resonance is taken for a hump of the filter's own response. The resonance's
-    # density at low frequencies then belongs to the filter's pass band, and is a part of N.
+    # If the model has a low-pass or a mean filter, its resonance is taken for a part of the filter's
+    # response, a maximum near the corner. The resonance's density at low frequencies is then white noise that
+    # has passed the filter, and is a part of N.
     filtered = any(_is(code, LowPass, Mean) for code, _ in terms)
     fast_only = tuple(kind for kind in CODES if kind.has("fast only"))
     others = (*SLOW, *FILTERS, *fast_only) + (() if filtered else (Resonance,))
@@ -104,9 +110,8 @@ def _of_one(f: CandidateModels, model: FittedModel) -> Interval:
         return Interval()
     here = _walk_of(math.log(value), f.h)
     if len(fast) == 1 < len(terms):
-        # If only the white noise contributes to N, the interval of N follows from the interval of the white
-        # noise's variance R. The interval of R is asymmetric if other parts of the model hide the white
-        # noise.
+        # If only the white noise contributes to N, the interval of N follows from that of the white noise's
+        # variance R. The interval of R is asymmetric if stronger parts of the model hide the white noise.
         return Interval(here, *_profile(f, model))
     return Interval(here, *(_walk_of(math.log(value) + one, f.h) for one in (-deviation, deviation)))
 
@@ -129,9 +134,9 @@ def _as_good(f: CandidateModels, model: FittedModel) -> Iterator[FittedModel]:
 
 
 def _stands_beside(other: FittedModel, model: FittedModel) -> bool:
-    """Return whether the 2 log L of `other` is about as high as that of `model`, or higher.
+    """Return whether `other` describes the data about as well as `model`, or better.
 
-    The gain that additional parameters bring by chance is subtracted first.
+    Their 2 log L are compared. What further parameters of `other` gain by chance is subtracted before.
     """
     dearer = BY_CHANCE * (other.parameters - model.parameters)
     return 2 * (other.nll - model.nll) + dearer < APART
@@ -142,8 +147,8 @@ def _with(
 ) -> FittedModel:
     """Return the best fit of `model` with one more fast part, and without parts of the kinds `left_out`.
 
-    `kind`: kind of the added part, Relaxation or Rise (noise whose power rises with the frequency). The fit
-    begins at the result of the last fit with the same parts, if there is one.
+    `kind`: kind of the added part, Relaxation or Rise (noise whose power rises with the frequency). If the
+    last refit had a model with the same parts, the fit starts at its result.
     """
     kept = [(code, at) for code, at in model.terms() if not _is(code, *left_out)]
     codes = [*(code for code, _ in kept), CODES.index(kind)]
@@ -164,8 +169,9 @@ def _with(
 def _rising(rest: list[float], delta: float, share: float) -> list[float]:
     """Return free parameters from which a fit with one more part starts.
 
-    The parameters are `rest` and those of a rise (a part whose density rises with the frequency) with the
-    exponent `delta`. `share`: ratio of the rise's density at half the sample rate to that of the white noise.
+    The new part is a rise: its density rises with the frequency, by the exponent `delta`. `rest`: parameters
+    of the other parts. `share`: ratio of the rise's density at half the sample rate to that of the white
+    noise.
     """
     return [*rest, rest[0] + math.log(share), delta]
 
@@ -173,9 +179,9 @@ def _rising(rest: list[float], delta: float, share: float) -> list[float]:
 def _relaxing(rest: list[float], rate: float, share: float) -> list[float]:
     """Return free parameters from which a fit with one more part starts.
 
-    The parameters are `rest` with less white noise, and those of a relaxation with the corner frequency
-    `rate` [rad a sample]. `share`: ratio of the relaxation's density at low frequencies to that of the white
-    noise.
+    The new part is a relaxation with the corner frequency `rate` [rad a sample]. `rest`: parameters of the
+    other parts, whose white noise is made less. `share`: ratio of the relaxation's density at low frequencies
+    to that of the white noise.
     """
     variance = rest[0] + math.log(share * math.tanh(rate / 2))
     return [rest[0] + math.log1p(-share / 2), *rest[1:], variance, math.log(rate)]

@@ -1,9 +1,9 @@
 """The questions about the best model without an order, and the sentences of the verdict that answer them.
 
-An example is "Is there a resonance?". Each kind of part of a noise has a row in `kTable` in
-host/native/whittle_parts.hpp. The row names the question to which such a part answers yes (`Says`).
-`spectrum.reading` finds the questions to which the answer is yes for a whole model. Each question has one row
-in `ANSWERS`, or its answer in the class of the part.
+An example is "Is there a resonance?". Each question has one row in `ANSWERS`. The parts of the model give the
+answers: a resonance, for example, answers this question with yes. Which question each kind of part answers
+with yes is told by `Says` in its row of `kTable` (host/native/whittle_parts.hpp). `spectrum.reading` finds
+the answers for a whole model.
 """
 
 from collections.abc import Callable
@@ -145,7 +145,7 @@ def _better_than_white(e: Evidence) -> str:
 
 
 def high_pass(e: Evidence, q: Questions) -> Verdict:
-    """Return the verdict on noise whose slow parts a high-pass has removed."""
+    """Return the verdict on noise that has passed a high-pass, which removed its slow parts."""
     found = e.reading.high_pass
     assert found is not None
     said = wording.sentence(found.told, e)
@@ -202,7 +202,7 @@ class Answer(NamedTuple):
     """A question about the best model without an order, and the verdict if the answer is yes."""
 
     question: Callable[[Evidence], str] | None
-    """The question in words. None: it is not listed with the verdict, unless `told` lists it."""
+    """The question in words. None: it is not listed with the verdict, or `told` lists it."""
     told: Callable[[Evidence, Questions, str], Verdict]
     """Returns the verdict if the answer is yes. Its last argument are words for the model's parts."""
 
@@ -243,7 +243,7 @@ def first(e: Evidence, q: Questions, said: str, slow: bool) -> Verdict | None:
     for name, row in ANSWERS.items():
         if (name in SLOW_SAYS) != slow:
             continue
-        # Behind a high-pass nothing can be said of drift.
+        # A high-pass removes slow noise, so behind one the record does not show whether there was drift.
         is_so = name in e.reading.says and not (name == "drift" and e.reading.high_pass is not None)
         if row.question is not None:
             q.ask(row.question(e), is_so, said)

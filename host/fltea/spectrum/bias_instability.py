@@ -61,7 +61,7 @@ def _needed(fit: Flicker) -> bool:
 def _describes(fit: Flicker, stands: FittedModel) -> bool:
     """Return whether white noise, 1/f noise and a random walk describe the noise as well as `stands` does.
 
-    That is so if their BIC is about the same as that of this model, or lower.
+    That is so if their BIC is lower than that of the model `stands`, or about the same.
     """
     needed = 1 + (fit.gain > CRITICAL) + (fit.gain_of_walk > CRITICAL)
     others = sum(free_of(code) for code in stands.codes if kind_of(code) in SLOW_KINDS)
