@@ -44,17 +44,18 @@ AT_A_LIMIT = 0.01
 ABOVE_ONE = 1.2, 1.6
 """If orders up to 2 are allowed, fits also start at these orders."""
 WITHOUT_WHITE, NO_WHITE = (0.25, 0.5), 12.0
-"""The model with the reported order is fitted again from starting points that have almost no white noise.
-Each of them has one of the orders in WITHOUT_WHITE. The logarithm of the white noise's variance R is lower by
-NO_WHITE than in the first fit.
+"""The model with the reported order is fitted again, from two starting points with almost no white noise.
+Each has one of the orders in WITHOUT_WHITE. The variance R of the white noise is exp(-NO_WHITE) times that of
+the first fit.
 """
 AHEAD = 6.0
-"""Both ARFIMA and the fractional state in white noise have an order. ARFIMA is reported only if its 2 log L
-is higher by at least this than that of the fractional state.
+"""Two models have an order: ARFIMA, and the fractional state D^α x = f x + ω in white noise. ARFIMA is
+reported only if its 2 log L is higher by at least this than that of the fractional state.
 """
 LEAK_OF_CUBIC = 1 / 9
 """A random walk leaks into all frequencies, since the last sample of a record differs from the first one. If
-a cubic is subtracted from the record, the mean square of this difference is multiplied by this factor.
+a cubic is subtracted from the record, the mean square of this difference, and so the power that leaks,
+becomes this proportion of what it was.
 """
 
 Raw = tuple[list[int], list[float], float]
@@ -87,7 +88,7 @@ class FittedModel(NamedTuple):
         return tuple(map(kind_of, self.codes))
 
     def terms(self) -> Iterator[tuple[int, int]]:
-        """Yield for each part the code number of its kind, and the index in `eta` of its first parameter."""
+        """Yield for each part its code, and the index in `eta` of its first parameter."""
         at = 0
         for code in self.codes:
             yield code, at
@@ -104,16 +105,16 @@ class FittedModel(NamedTuple):
     def without(self, kind: type[Part]) -> "FittedModel":
         """Return the model without its parts of `kind`.
 
-        The result is not fitted again, and its `nll` is that of the whole model.
+        The other parts are not fitted again, and `nll` is still the -log L of the whole model.
         """
         terms = [(code, at) for code, at in self.terms() if kind_of(code) is not kind]
         eta = [self.eta[at + k] for code, at in terms for k in range(free_of(code))]
         return FittedModel(tuple(code for code, _ in terms), tuple(eta), self.nll)
 
     def place(self, *kinds: type[Part]) -> int | None:
-        """Return the index in `eta` of the first parameter of the first part that has one of these kinds.
+        """Return the index in `eta` where the parameters of a part begin; None if there is no such part.
 
-        Return None if no part has one of these kinds.
+        The part is the first one that has one of these kinds.
         """
         return next((at for code, at in self.terms() if kind_of(code) in kinds), None)
 
@@ -121,12 +122,12 @@ class FittedModel(NamedTuple):
 class Fits:
     """Results from which a later fit of the same axis begins. This object keeps no reference to the data.
 
-    `raw`: the fitted models. `elsewhere`: free parameters of fits with other, fixed orders, each of which
-    lies in the interval of the reported order; None if these have not been searched for yet. `ends`: for each
-    end of a parameter's interval, the parameters there minus those of the best fit. A key of `ends` consists
-    of the codes of the model's parts, the parameter's index, and the side. `beside`: parameters of the other
-    models that are fitted for the interval of N. A key of `beside` consists of the codes of the model's
-    parts.
+    `raw`: the fitted models. `elsewhere`: free parameters of fits at other, fixed orders, which made an
+    interval of the reported order's parameters wider; None if such fits have not been searched for yet.
+    `ends`: for each end of a parameter's interval, the parameters there minus those of the best fit. A key of
+    `ends` consists of the codes of the model's parts, the parameter's index, and the side. `beside`:
+    parameters of the other models that are fitted for the interval of N. A key of `beside` consists of the
+    codes of the model's parts.
     """
 
     def __init__(self, raw: list[Raw], last: "Fits | None" = None) -> None:
@@ -173,8 +174,8 @@ class CandidateModels:
 
         It is the best model with an order, fitted again without limits of the order.
 
-        ARFIMA has no parameter f. So it is reported only if its 2 log L is at least AHEAD higher than that of
-        the fractional state in white noise.
+        If that is an ARFIMA, which has no parameter f, the fractional state D^α x = f x + ω in white noise is
+        reported in its place. But an ARFIMA whose 2 log L is higher by at least AHEAD is reported itself.
         """
         if self.ordered is None:
             return None
@@ -205,7 +206,10 @@ class CandidateModels:
 
     @property
     def ratio_white(self) -> float:
-        """Return by how much 2 log L of `null` or `missing`, the higher one, exceeds that of white noise."""
+        """Return the statistic of the null test: by how much 2 log L exceeds that of white noise.
+
+        It is that of the better one of the two alternatives `null` and `missing`, and 0 or more.
+        """
         return max(2 * (self.white.nll - min(self.null.nll, self.missing.nll)), 0.0)
 
     def gain(self, one: FittedModel) -> float:
@@ -223,7 +227,7 @@ class CandidateModels:
 
     @cached_property
     def lead_over_rich(self) -> float:
-        """Return by how much 2 log L of the best model with an order exceeds that of `rich`, without one."""
+        """Return by how much 2 log L of the best model with an order exceeds that of `rich`."""
         return -math.inf if self.ordered is None else self.gain(self.ordered) - self.gain(self.rich)
 
 
@@ -242,12 +246,12 @@ def native(data: Binned, h: float, samples: int) -> _native.WhittleFits:
 
 
 def windows(lam: Array, samples: int) -> Array:
-    """Return the mean square [rad²] of the frequency distance over which Hann's window averages.
+    """Return how far Hann's window smears each bin: the mean square distance in frequency [rad²], (bins,).
 
-    The result is an array (bins,). For a block of m samples, the window's mean square is (2π / m)² / 3. A
-    twelfth of (2π / m)² is subtracted from it, since each frequency of the spectrum already stands for the
-    band up to half the distance to its neighbours. The value is 0 for the bins at the lowest frequencies,
-    which do not come from blocks. Which bins these are depends on `samples`, the length of the record.
+    For a block of m samples, the window's mean square is (2π / m)² / 3. A twelfth of (2π / m)² is subtracted:
+    the mean square distance within the bin's own band, which reaches halfway to its neighbours. The value is
+    0 for the lowest frequencies, which do not come from blocks. Which bins these are depends on `samples`,
+    the length of the record.
     """
     level = np.maximum(np.ceil(np.log2(JOIN / 2 / lam)), 0.0)
     depth = max(0, math.ceil(math.log2(max(samples, 1) / WHOLE)))
@@ -265,7 +269,10 @@ def walk_column(lam: Array, samples: int) -> Array:
 
 
 def leaking(lam: Array, samples: int) -> NDArray[np.bool_]:
-    """Return which bins belong to the lowest octave of the record, into which a random walk leaks."""
+    """Return which bins do not come from blocks with a window, so that a random walk leaks into them.
+
+    These are the lowest frequencies of the record, or all frequencies of a short record.
+    """
     level = max(0, math.ceil(math.log2(max(samples, 1) / WHOLE)))
     return np.asarray(lam < JOIN / 2**level if level else np.ones(len(lam), dtype=np.bool_))
 

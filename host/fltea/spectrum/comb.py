@@ -41,9 +41,9 @@ fundamental frequency lie in the spectrum.
 LAG_FALSE_ALARM = 0.01
 """Probability that the autocorrelation of noise without a comb yields a candidate for the period."""
 LEAST_LIMIT, LIMIT_SHARE = 10.0, 0.25
-"""In the search for possible periods, the ratio of an ordinate to its surroundings is limited. The limit is
-LEAST_LIMIT, or LIMIT_SHARE times the root of the number of ordinates if this is larger. With the second
-limit, a single spectral line adds at most a quarter of a standard deviation to the autocorrelation.
+"""While possible periods are searched for, the ratio of an ordinate to its surroundings is limited: to
+LEAST_LIMIT, or, if this is larger, to LIMIT_SHARE times the root of the number of ordinates. Then a single
+spectral line of a long record adds at most LIMIT_SHARE standard deviations to the autocorrelation.
 """
 LEVEL_BINS = 5
 """The level of the noise around a bin is the median over this many bins on each side. Only few of these bins
@@ -80,9 +80,9 @@ NEARLY = 0.8
 chosen.
 """
 MOST_SOONER, FIRST_TEETH = 12, 8
-"""An event may happen several times within the period that was found. MOST_SOONER: the largest number of
-times that is tried. FIRST_TEETH: the lowest multiples of the shorter period's frequency, the teeth, are
-compared in height with the spectral lines between them. This many teeth are used.
+"""An event may happen several times within the period that was found, which is tried for up to MOST_SOONER
+times. If it does, the multiples of its true frequency (the teeth) are higher than the spectral lines between
+them. FIRST_TEETH: this many of the lowest teeth are compared with the lines between.
 """
 NO_TOOTH, SHAPED = 1.5, 0.08
 """Spectral lines between the teeth are no teeth if their mean height is below one of two limits. Below
@@ -123,11 +123,11 @@ class _Ordinates:
         self.first = int(place[0])
 
     def terms(self, fundamental: Array, teeth: int) -> Array:
-        """Return the evidence of each tooth for several fundamental frequencies, (f, teeth).
+        """Return the evidence of each tooth of several combs, (f, teeth).
 
-        A tooth is the ordinate at a multiple of a fundamental frequency. `fundamental`: the fundamental
-        frequencies, (f,), in steps of the periodogram. The evidence of a tooth is 0 if its ordinate was left
-        out, or has too few neighbours.
+        `fundamental`: fundamental frequency of each comb, (f,), in steps of the periodogram (1 / duration). A
+        tooth is the ordinate at a multiple of it. The evidence of a tooth is 0 if its ordinate was left out,
+        or has too few neighbours.
         """
         at = np.rint(np.outer(fundamental, np.arange(1, teeth + 1))).astype(np.intp)
         flank = max(2, min(WIDEST_FLANK, int(fundamental.min() / 2) - GUARD))
@@ -175,9 +175,9 @@ def find_comb(
     best = max((evidence for evidence, _, _ in found), default=0.0)
     if best < needed:
         return None
-    # An event that repeats each second also repeats every 2 s, so that both periods have evidence. A period
-    # of half the true length has only half of the evidence. So the shortest period with nearly the highest
-    # evidence is the true one.
+    # An event that repeats each second also repeats every 2 s, so this period has nearly as much evidence. A
+    # period of 0.5 s has only half of the evidence, since it misses every second tooth. So the shortest
+    # period with nearly the highest evidence is the true one.
     _, fundamental, teeth = max(
         (one for one in found if one[0] >= max(NEARLY * best, needed)), key=lambda one: one[1]
     )
@@ -189,9 +189,10 @@ def find_comb(
 def _happens_sooner(ordinates: _Ordinates, fundamental: float) -> int:
     """Return how often the event happens within the period that was found.
 
-    For example, an event happens every 103.7 samples, but its times are rounded to whole samples. The event
-    then repeats exactly only after 1037 samples, so that this longer period is found. But nearly all power of
-    the lowest spectral lines of the longer period is in the multiples of the event's true frequency.
+    For example, an event happens every 103.7 samples, but its times are rounded to whole samples. It repeats
+    exactly only after 1037 samples, so this longer period is found, in which the event happens ten times. Of
+    the spectral lines of this period, nearly all power is then in every tenth: in the multiples of the
+    event's true frequency.
     """
     for times in range(MOST_SOONER, 1, -1):
         heights = ordinates.heights(fundamental, FIRST_TEETH * times)
@@ -214,8 +215,8 @@ def _lags(p: Periodogram) -> tuple[float, ...]:
     np.minimum(ratio, max(LEAST_LIMIT, LIMIT_SHARE * math.sqrt(len(ratio))), out=ratio)
     ratio -= ratio.mean()
     first, last = np.rint(p.lam[[0, -1]] * (p.n / (2 * np.pi))).astype(np.intp).tolist()
-    # The transform is computed from sums of TOGETHER neighbouring ordinates, which is exact enough for lags
-    # up to `longest`.
+    # The FFT is made of sums of TOGETHER neighbouring ordinates, to be shorter. For lags up to `longest`, the
+    # autocorrelation is exact enough.
     size = -(-p.n // TOGETHER)
     whole = np.zeros((size // 2 + 1) * TOGETHER)
     if last - first + 1 == len(ratio):
@@ -241,7 +242,10 @@ def _lags(p: Periodogram) -> tuple[float, ...]:
 
 @functools.cache
 def _stands_out(lags: int) -> float:
-    """Return the normal deviate that one of `lags` lags exceeds in noise with probability LAG_FALSE_ALARM."""
+    """Return by how many standard deviations the autocorrelation has to stand out at one of `lags` lags.
+
+    In noise, any of the lags, at any of WIDTHS, reaches this with the probability LAG_FALSE_ALARM.
+    """
     return NormalDist().inv_cdf(1 - LAG_FALSE_ALARM / (len(WIDTHS) * lags))
 
 
@@ -260,7 +264,10 @@ def _level(p: Periodogram) -> Array:
 
 
 def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
-    """Return periods [samples] with which most of the lines are multiples of one frequency."""
+    """Return the period [samples] for which most of the lines are multiples of one frequency.
+
+    The result is empty if fewer than FEWEST_TEETH lines are multiples of one frequency.
+    """
     if len(lines_hz) < FEWEST_TEETH:
         return ()
     lines = np.array(lines_hz) * (p.n * p.h)
@@ -271,8 +278,9 @@ def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
             if fundamental < FEWEST_PERIODS:
                 break
             number = np.rint(lines / fundamental)
-            # A spectral line may lie half a step of the periodogram beside the multiple `number` of the true
-            # fundamental frequency. In addition, `fundamental` has an error, which counts `number` times.
+            # A spectral line is up to half a step of the periodogram beside its true frequency. `fundamental`
+            # is one of the lines divided by `order`, so the error of its multiple `number` is up to `number /
+            # order` half steps.
             off = np.abs(lines - number * fundamental) <= 0.6 * (1 + number / order)
             found.append((int((off & (number > 0)).sum()), fundamental))
     most = max((count for count, _ in found), default=0)
@@ -283,10 +291,11 @@ def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
 
 
 def _judged(ordinates: _Ordinates, period: float, within: float) -> tuple[float, float, int] | None:
-    """Return evidence, fundamental frequency [ordinates] and number of teeth of the best nearby period.
+    """Return the best period near `period`: evidence, fundamental frequency [ordinates], number of teeth.
 
     Periods that differ from `period` by up to `within` are tried; both are in samples. The evidence is minus
-    the logarithm of an upper bound of the probability that noise would give as much.
+    the logarithm of an upper bound of the probability that noise would give as much. The result is None if no
+    period has any evidence.
     """
     n = ordinates.n
     most = int((ordinates.count - GUARD - 1) / (n / period))
@@ -311,9 +320,10 @@ def _judged(ordinates: _Ordinates, period: float, within: float) -> tuple[float,
 
 
 def _evidence(sums: Array, teeth: NDArray[np.intp]) -> Array:
-    """Return minus the logarithm of Chernoff's upper bound on a probability.
+    """Return the evidence of combs: minus the logarithm of an upper bound of a probability.
 
-    This is the probability that a gamma variable of shape `teeth` exceeds `sums`.
+    It is the probability that in noise, the evidence of all `teeth` of a comb adds up to at least `sums`.
+    This sum has a gamma distribution of shape `teeth`. The bound is Chernoff's.
     """
     above = np.maximum(sums / teeth, 1.0)
     return np.asarray(teeth * (above - 1 - np.log(above)))

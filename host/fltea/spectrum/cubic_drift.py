@@ -26,12 +26,12 @@ class Drift(NamedTuple):
     """
 
     power: float
-    """Mean square of the amplitudes of all cubics. Each stretch has one cubic, written as a sum of
-    orthonormal polynomials. The amplitudes are the coefficients of these polynomials. For white noise that
-    has the variance R at the full sampling rate, the expected value of `power` is R.
+    """Mean square of the amplitudes of all cubics: of the coefficients of each cubic, written as a sum of
+    orthonormal polynomials. For white noise that has the variance R at the full sampling rate, the expected
+    value of `power` is R.
     """
     amplitudes: int
-    """Number of all amplitudes: three for the cubic of each stretch."""
+    """Number of all amplitudes: three for each cubic, and each stretch has one cubic."""
 
 
 def cubic_through(values: Array) -> tuple[Array, Array]:
@@ -39,9 +39,9 @@ def cubic_through(values: Array) -> tuple[Array, Array]:
 
     The amplitudes are the coefficients of orthonormal polynomials of degree 1, 2 and 3. For white noise of
     variance 1, each amplitude is normally distributed with variance 1. A drift whose last value differs from
-    its first leaks into all frequencies λ as 1/λ², far above its own frequencies. If a cubic is subtracted
-    from noise, the noise loses the power of the ordinates below number `periodogram.LOWEST`, which no fit
-    uses, and a few percent of the power of the ordinate with this number.
+    its first leaks into all frequencies λ as 1/λ², far above its own frequencies. A cubic that is subtracted
+    from noise takes power from the ordinates below number `periodogram.LOWEST`, which no fit uses. From the
+    ordinate with this number it takes a few percent of the power.
     """
     basis = _cubics(len(values))
     amplitudes = basis @ values
@@ -50,7 +50,10 @@ def cubic_through(values: Array) -> tuple[Array, Array]:
 
 @functools.lru_cache(maxsize=8)
 def _cubics(m: int) -> Array:
-    """Return orthogonal polynomials of degree 1, 2 and 3 with mean 0 and sum of squares 1, (3, m)."""
+    """Return three orthogonal polynomials, of degree 1, 2 and 3, at m points, (3, m).
+
+    Each has the mean 0 and the sum of squares 1.
+    """
     x = np.linspace(-1, 1, m)
     squares = x * x
     curve = squares - squares.mean()
@@ -59,9 +62,10 @@ def _cubics(m: int) -> Array:
 
 
 def drift_of(amplitudes: Sequence[Array], level: int) -> Drift | None:
-    """Return the drift with these `amplitudes`, which were found in the stretches of a level of the octaves.
+    """Return the drift that cubics with these `amplitudes` describe; None if there are no cubics.
 
-    Return None if there are no stretches.
+    `amplitudes`: three for each unbroken stretch of the record at reduced rate. `level`: number of times that
+    the sampling rate was halved for it.
     """
     if not amplitudes:
         return None

@@ -34,12 +34,12 @@ class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     p: float = 1.0
     """Probability that `ratio` is at least this large, if the model is right at the slow frequencies, too."""
     offset: float = 0.0
-    """From a long record, a cubic is subtracted. This is the power of the cubic, divided by the power that
-    the model has at the frequencies of slow waves that look like a cubic.
+    """Power of the cubic that was subtracted from a long record, divided by the density of the noise model at
+    the frequency of the wave that is most similar to a cubic (CUBIC_PERIODS); 0 if none was subtracted.
     """
     offset_p: float = 1.0
-    """Probability that the power of the subtracted cubic, divided by the model's, is at least `offset`, if
-    the model is right at such low frequencies, too.
+    """The probability that `offset` is at least this large by chance, if the model is right at such low
+    frequencies, too.
     """
 
     def is_drift(self, false_alarm: float = FALSE_ALARM) -> bool:
@@ -60,7 +60,7 @@ def drift_hz(duration_s: float, samples: int) -> float:
 def slow_power(
     below_hz: float, slow: Periodogram | None, model: Callable[[Array], Array], h: float, cubic: Drift | None
 ) -> SlowPower:
-    """Compare the slow power with the power that the model of the faster noise predicts there.
+    """Compare the slow power with what the noise model, fitted to higher frequencies, predicts there.
 
     `slow`: the ordinates below `below_hz`, or None. `model`: function that returns the model's power spectrum
     at λ [rad a sample]. `cubic`: the cubic drift that was subtracted before all ordinates were computed, or

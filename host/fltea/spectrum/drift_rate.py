@@ -1,11 +1,14 @@
 """Drift rate of a record: the slope of its straight line, and its uncertainty from the noise.
 
-The line is fitted by least squares. To compute the variance of its slope, the noise's spectrum is multiplied
-by 36/T² j1(x)² and integrated over the frequencies. T is the length of the record, j1 a spherical Bessel
-function, and x half the phase [rad] through which a wave of the frequency turns in the time T. A random walk
-changes the slope far more than white noise does, and so does a relaxation (a Gauss–Markov process) in a short
-record. If it is not certain which of these noises is present, the slope's variances by several models are
-combined, each with the model's probability.
+The line is fitted by least squares. A wave of amplitude 1 in the noise changes the slope by up to 6/T j1(x).
+T is the length of the record, j1 a spherical Bessel function, and 2 x the phase [rad] through which the wave
+turns in the time T. So the variance of the slope is the noise's spectrum, multiplied by the square of this
+and integrated over the frequencies.
+
+A random walk changes the slope far more than white noise does, and so does a relaxation (a Gauss–Markov
+process) in a short record. If it is not certain which of these noises is present, each model gives a
+variance. The interval then contains the slope with 95 % probability on the average over the models, where
+each counts by its own probability.
 """
 
 import math
@@ -27,14 +30,14 @@ frequencies, COARSE frequencies are used, and j1² is replaced by its mean over 
 WAVES_TO = 100.0
 OUTSIDE = 0.05
 NEAR = 1e-4
-"""Largest relative error of the half-width of the 95 % interval, which is found by a search."""
+"""The half-width of the 95 % interval of the slope is found by a search, up to this relative error."""
 
 
 def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Interval:
     """Return the slope of `y` (n,), in the unit of `y` per second, with its 95 % interval.
 
-    `spectrum`: the noise's power spectrum at λ [rad a sample], normalised as in `periodogram`. `h`: sampling
-    period [s].
+    `spectrum`: function that returns the noise's power spectrum at frequencies [rad a sample], normalised as
+    in `periodogram`. `h`: sampling period [s].
     """
     return around(slope(y, h), [slope_variance(len(y), h, spectrum)], [1.0])
 

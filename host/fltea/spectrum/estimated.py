@@ -84,7 +84,10 @@ def _at(code: int, eta: Sequence[float], k: int, end: float, h: float, name: str
 
 
 def _falls(ends: Sequence[float | None], value: float) -> bool:
-    """Return whether the two ends are swapped, since the parameter falls as the free parameter rises."""
+    """Return whether `ends` have the upper end first.
+
+    This is so if the parameter falls as the free parameter rises, to which it was transformed for the fit.
+    """
     low, high = ends
     return (low is not None and low > value) or (high is not None and high < value)
 
@@ -92,15 +95,17 @@ def _falls(ends: Sequence[float | None], value: float) -> bool:
 def _wider(f: CandidateModels, model: FittedModel, at: int, value: float, end: float | None) -> float | None:
     """Return an end of the interval of K, moved outwards since the power that leaks is uncertain.
 
-    The power that a random walk leaks depends on a single random number, which is common to all frequencies.
-    So an average over frequencies does not make this uncertainty smaller.
+    The power that a random walk leaks into all frequencies depends on one random number, the difference
+    between the record's last and first sample. So this uncertainty is as large for many frequencies as for
+    one.
     """
     if end is None:
         return None
     own = slopes(f, model.codes, model.eta)[1][at] ** 2 * f.data.counts
     leaks = leaking(f.data.lam, f.samples)
     share = float(own[leaks].sum() / own.sum())
-    # χ² with one degree of freedom has the relative standard deviation √2, the root of a variance half of it.
+    # The leaked power follows χ² with one degree of freedom, so its relative standard deviation is √2. K is
+    # the root of a variance, so its relative error is half of the variance's: the 2 at the end.
     more = NORMAL_95 * share * math.sqrt(2) * LEAK_OF_CUBIC / (1 + LEAK_OF_CUBIC) / 2
     distance = math.log(end / value)
     return value * math.exp(math.copysign(math.hypot(distance, more), distance))

@@ -49,7 +49,7 @@ class Evidence(NamedTuple):
     """
     reading: Reading
     """What the best model without an order says about the noise. Parts that only imitate something else, such
-    as the skirts of a peak, were removed from the model before.
+    as the power that leaks from a peak to its sides, do not count.
     """
     from_hz: float
     to_hz: float
@@ -92,8 +92,8 @@ class Evidence(NamedTuple):
 def apart(level: float) -> float:
     """Return the smallest difference in 2 log L with which two models count as different.
 
-    `level`: significance level of a single refit. A smaller level gives a larger difference. A live sensor is
-    refitted often and has a smaller level. So wrong claims about it are no more frequent than for a
-    recording.
+    `level`: significance level of a single refit. The smaller the level, the larger the difference. A live
+    sensor has a smaller level than a recording, since it is refitted often. So wrong claims about it are no
+    more frequent than about a recording.
     """
     return APART - 2 * math.log(level / LEVEL)

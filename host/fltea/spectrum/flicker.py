@@ -47,9 +47,9 @@ class Flicker(NamedTuple):
     """The amplitude B of the 1/f noise, in the unit of the samples. Value and ends are None if the gain of
     the 1/f noise is too small.
 
-    If the fit needs no random walk, B comes from a fit without one. A random walk in the fit would take power
-    from B by chance, and never give any to it, since no power is negative. The lower end of the interval
-    still comes from the profile likelihood with a random walk, since there may be a weak random walk.
+    If the fit does not need the random walk, B comes from a fit without it. No power is negative, so by
+    chance a random walk in the fit could only make B smaller, never larger. But a weak random walk may be
+    there. So the lower end of the interval is still that of the fit with all three terms.
     """
     gain: float
     """The gain of the 1/f noise: how much higher 2 log L is with it."""
@@ -94,7 +94,7 @@ def flicker(f: CandidateModels, stands: FittedModel) -> Flicker | None:
     power = np.asarray(f.data.power[0], dtype=np.float64)[keep]
     if counts.sum() < FEWEST or not (power > 0).any():
         return None
-    # The spectrum of sampled 1/f noise, ARFIMA(0, 1/2, 0), is B² / (2 sin(λ/2)).
+    # The spectrum of sampled 1/f noise, ARFIMA(0, 1/2, 0), at λ [rad a sample] is B² / (2 sin(λ/2)).
     columns = np.column_stack([np.ones(len(lam)), 0.5 / np.sin(lam / 2), walk_column(lam, f.samples)])
     data = _Data(power, counts, columns)
     start = np.log(float(counts @ power) / 3 / (counts @ columns))
@@ -114,8 +114,9 @@ def flicker(f: CandidateModels, stands: FittedModel) -> Flicker | None:
 
 
 def _fit(data: _Data, start: Array, fixed: Array | float = 0.0) -> tuple[Array, float]:
-    """Fit the terms by damped Fisher scoring. Return the logarithms of their squared amplitudes, and -log L.
+    """Fit the terms by maximum likelihood. Return the logarithms of their squared amplitudes, and -log L.
 
+    The method is Fisher scoring: Newton's, with the Fisher information as the curvature. It is damped.
     `fixed`: a power in each bin that is added to the power of the terms, and is not fitted itself.
     """
     x, least = start.copy(), start + math.log(LEAST)
@@ -142,10 +143,11 @@ def _fit(data: _Data, start: Array, fixed: Array | float = 0.0) -> tuple[Array, 
 
 
 def _end(data: _Data, best: Array, nll: float, side: int) -> float:
-    """Return an end of the 95 % interval of B by its profile likelihood, with the other terms free.
+    """Return an end of the 95 % interval of B by its profile likelihood.
 
-    `best`, `nll`: logarithms of the squared amplitudes, and -log L, of the fit in which the 1/f noise is the
-    second term. `side`: -1 for the lower end, 1 for the upper one.
+    For each value of B, all other terms in `data` are fitted. `best`, `nll`: result of the fit of all terms,
+    of which the 1/f noise is the second one: the logarithms of their squared amplitudes, and -log L. `side`:
+    -1 for the lower end, 1 for the upper one.
     """
     terms = [term for term in range(len(best)) if term != 1]
     others, free = data.only(terms), best[terms]
@@ -158,7 +160,8 @@ def _end(data: _Data, best: Array, nll: float, side: int) -> float:
         if abs(deviance - CRITICAL) < NEAR:
             break
         near, far = (step, far) if deviance < CRITICAL else (near, step)
-        # The loss of 2 log L (deviance) grows about as the square of the distance from the best value.
+        # The deviance is how far 2 log L is below its maximum. It grows about as the square of the distance
+        # of the 1/f noise's amplitude from the best one (both as logarithms).
         guess = step * math.sqrt(CRITICAL / max(deviance, 1e-3))
         step = guess if near < guess < far else (near + far) / 2
     return math.exp((best[1] + side * step) / 2)
