@@ -1,10 +1,11 @@
 """Find which parts of a model with a high-pass are noise, and which only describe the filter's shape.
 
 A real filter may subtract a running mean, the mean of each block, or an offset estimated at rest. Its
-response is not exactly that of the fitted high-pass. Above the corner frequency, the density of noise behind
-such a filter may oscillate. Behind a running mean, it is higher than in the pass band by a factor of 1.48 at
-most. In addition, power leaks from the ends of a record into the frequencies that the filter stops: the
-samples at each end lack the neighbours that would cancel their slow parts.
+response is not exactly that of the fitted high-pass. So the model may describe the difference by further
+parts, which are no noise. For example, the density of white noise behind such a filter may oscillate above
+the corner frequency. Behind a running mean, its highest value is 1.48 times the value far above the corner.
+
+In addition, a record begins and ends abruptly, so power leaks into the low frequencies that the filter stops.
 """
 
 import math
@@ -19,16 +20,17 @@ from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.octaves import WHOLE
 
 SWINGS, RINGS = 2.0, 4.0
-"""A hump of the density near the filter's corner frequency may be the filter's own shape, and no noise. It
-counts as such if it is lower than a limit. The limit is SWINGS times the density of the pass band if the
-model describes the hump by a relaxation, and RINGS times that density if by a resonance.
+"""Near the filter's corner frequency, the density may have a maximum that is the filter's own shape, and no
+noise. It counts as such if it is lower than SWINGS times the density of the white noise, where the model
+describes it by a relaxation. Where the model describes it by a resonance, the limit is RINGS times that
+density.
 """
 NEAR = 10.0
 """The shape of the filter is examined up to this multiple of its corner frequency."""
 POINTS = 64
 LEAKS_AT_MOST = 15.0
-"""The power that leaks from the two ends of a record depends on a single random number. With a probability of
-99.99 % it is below this multiple of its mean.
+"""The power that leaks from the ends of a record is about the square of one normal random number. With a
+probability of 99.99 % it is below this multiple of its mean.
 """
 
 
@@ -37,8 +39,8 @@ class HighPassed(NamedTuple):
 
     high_pass: HighPass
     parts: tuple[Part, ...]
-    """The parts of the model that are real noise. The filter is not among them, nor are parts that only
-    describe the filter's shape or the leakage from the record's ends.
+    """The parts of the model that are real noise. The filter is not among them, and no part that only
+    describes the filter's shape or the power that leaks from the record's ends.
     """
 
     @property
@@ -73,8 +75,8 @@ def stands_for_shape(f: CandidateModels, model: FittedModel, from_hz: float) -> 
 def end_leak(f: CandidateModels, model: FittedModel) -> float:
     """Return the mean density that leaks from the ends of the record into the lowest frequencies.
 
-    The result is 0 if the model has no high-pass, since the leakage matters only where a filter has removed
-    everything else. Nothing leaks into the octaves above the lowest one, which are computed with windows.
+    The result is 0 if the model has no high-pass: at these frequencies, other noise is then far stronger. The
+    higher frequencies come from octaves with windows, into which nothing leaks.
     """
     parts = model.parts(f.h)
     if high_pass_of(parts) is None or not f.samples:
@@ -82,9 +84,9 @@ def end_leak(f: CandidateModels, model: FittedModel) -> float:
     lam = np.geomspace(math.pi / f.samples, min(math.pi, math.pi * WHOLE / f.samples), POINTS)
     floor = sum(part.R for part in parts if isinstance(part, Floor))
     density = np.maximum(model.spectrum(lam, f.h) - floor, 0.0)
-    # At each end of a record, the samples lack the neighbours that would cancel their slow parts. So power
-    # leaks to the frequency λ. From one end of n samples of noise of variance 1, its mean density there is 1
-    # / (2 sin²(λ/2)) / n.
+    # A record begins and ends abruptly, so the power of a wave of the frequency λ leaks into other
+    # frequencies. In a record of n samples, a wave of variance 1 adds about 1 / (2 sin²(λ/2)) / n to the
+    # density near 0.
     return float(np.trapezoid(density / np.sin(lam / 2) ** 2, lam)) / (2 * math.pi * f.samples)
 
 

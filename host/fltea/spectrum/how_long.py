@@ -15,10 +15,10 @@ def seconds_more(
 ) -> float | None:
     """Return after how many more seconds of samples the 95 % interval of α is ± `target`.
 
-    The noise is assumed to stay as it is. `model`: the one of the candidate models `f` that has an order.
-    `longest_s`: length [s] of the fit's memory if old samples fade; None if no sample fades. The result is 0
-    if the interval is already narrow enough. It is None if the interval will never be narrow enough, or if
-    the time cannot be predicted.
+    The noise is assumed to stay as it is. `f`: the candidate models. `model`: one of them, which has an
+    order. `longest_s`: length [s] of the fit's memory if old samples fade; None if no sample fades. The
+    result is 0 if the interval is already narrow enough. It is None if the interval will never be narrow
+    enough, or if the time cannot be predicted.
     """
     deviation = order_deviation(f, model)
     if deviation is None:

@@ -18,22 +18,22 @@ LAGS = 20
 """Number of lags in the Ljung–Box test. The number is even, since χ² then has a closed form."""
 FEWEST = 100
 COLOURED_P = 1e-3
-"""Innovations may be coloured if white innovations would exceed their Ljung–Box statistic with at most this
-probability.
+"""Innovations may be coloured (correlated) if their Ljung–Box statistic is so high that white innovations
+reach it with at most this probability.
 """
 COLOURED = 0.1
-"""Innovations count as coloured only if the root of the sum of their squared autocorrelations also exceeds
-this value. The reason is that in a day of samples even a tiny correlation is significant. This root is 0.3 to
-0.7 for samples that passed a low-pass filter, and 0.12 to 0.15 if the Kalman filter's α is too small by 0.25
-to 0.5.
+"""Innovations count as coloured (correlated) only if a second figure also exceeds this value, since in a day
+of samples even a tiny correlation is significant. The figure is the root of the sum of their squared
+autocorrelations. It is 0.3 to 0.7 for samples that passed a low-pass filter, and 0.12 to 0.15 if the Kalman
+filter assumes an α that is too small by 0.25 to 0.5.
 """
 
 
 class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Figures of n innovations. They show whether the filter's model of the noise is correct.
 
-    For a correct model, `nis` is about 1, `lag1` is 0 ± 1/√n, and `ljung_box_p` is spread evenly from 0 to
-    1.
+    If it is, the mean normalised square `nis` is about 1, the correlation `lag1` of neighbours is 0 ± 1/√n,
+    and the probability `ljung_box_p` is spread evenly from 0 to 1.
     """
 
     samples: int
@@ -100,16 +100,18 @@ def innovations(innovation: Array, std: Array) -> Innovations | None:
 def describes_order(
     white: bool | None, alpha: float, alpha_std: float, order: Interval | None
 ) -> bool | None:
-    """Return whether a filter's order, and the order's standard deviation by the filter, describe the noise.
+    """Return whether a filter's order `alpha`, with its standard deviation `alpha_std`, describes the noise.
 
-    White innovations are not enough to tell this: on white noise, with or without a drift, a filter with any
-    order up to 1 has white innovations. So the likelihood of the whole record has to show an order too, and
-    the filter's order has to agree with that one.
+    White innovations alone do not show this: on white noise, with or without a drift, a filter with any order
+    up to 1 has white innovations. So the fit of the spectrum has to give an order, too, and the two orders
+    have to agree.
 
     `white`: whether the innovations are white; None if that is not known yet. `order`: the interval of the
-    order by the fit of the spectrum, or None as long as there is no fit. The ends of the interval are None if
-    the noise has no order. The result is False if the innovations are not white. Otherwise it is None as long
-    as `white` or `order` is None.
+    order by the fit of the spectrum; None as long as there is no fit. The ends of the interval are None if
+    the noise has no order.
+
+    The result is False if the innovations are not white. It is None, for not known yet, as long as `white` or
+    `order` is None, or if `alpha` is not finite.
     """
     if not white or order is None or not math.isfinite(alpha):
         return False if white is False else None
@@ -120,10 +122,10 @@ def describes_order(
 
 
 def describes(samples: int, ljung_box: float) -> bool:
-    """Return whether innovations with this Ljung–Box statistic are nearly white.
+    """Return whether innovations are nearly white. `ljung_box`: their Ljung–Box statistic.
 
-    If they are not, the filter's α and f and their standard deviations by the filter say nothing about the
-    noise.
+    If they are not, the filter's α and f say nothing about the noise, nor do the standard deviations that the
+    filter gives for them.
     """
     return math.sqrt(ljung_box / samples) <= COLOURED or ljung_box < _coloured()
 

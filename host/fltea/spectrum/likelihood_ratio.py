@@ -1,12 +1,12 @@
 """Null test: does the noise contain anything beyond white noise?
 
-The statistic is the ratio of two likelihoods, each of a Whittle fit: that of the better of two alternatives,
-and that of white noise. The first alternative is the fractional state with α <= 1 in white noise. Its power
-is larger at low frequencies, or at high ones, than elsewhere. The second alternative is white noise through a
-high-pass of one pole, which has less power at low frequencies. The parameters of the alternatives (order α,
-feedback g and variance s2 of the steps, or a corner frequency) have no meaning for white noise, so that the
-ratio does not follow χ². Its distribution is therefore simulated (tools/gen_null_constants.py). The
-distribution hardly depends on the length of the record.
+The statistic is 2 log of a ratio of two likelihoods, each of a Whittle fit: that of the better of two
+alternatives, divided by that of white noise. The first alternative is the fractional state D^α x = f x + ω
+with α <= 1 in white noise. Its power is larger at low frequencies, or at high ones, than elsewhere. The
+second alternative is white noise through a high-pass of one pole, which has less power at low frequencies.
+The alternatives have parameters that mean nothing for white noise, such as the order α or the corner
+frequency. So the statistic does not follow χ². Its distribution is therefore simulated
+(tools/gen_null_constants.py). The distribution hardly depends on the length of the record.
 """
 
 import math

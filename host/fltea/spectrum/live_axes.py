@@ -138,8 +138,8 @@ class LiveAxes:
 
         `curves`: whether to compute the spectrum and the Allan deviation as well. `last`: whether the record
         is complete. If so, it is tested at the significance level of a single test, as by `fltea identify`.
-        `fresh`: whether to search again for models, peaks and changes. Such a search is also made if `curves`
-        is True. Otherwise the results of the last search are used until the record has grown by a tenth.
+        `fresh`: whether to search again for models, peaks and changes; with `curves` that is always done. If
+        both are False, the results of the last search are used until the record has grown by a tenth.
         """
         octaves = self.octaves.copy()
         level, fresh = LEVEL if last else ANYTIME_LEVEL, fresh or curves

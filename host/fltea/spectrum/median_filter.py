@@ -2,9 +2,9 @@
 
 The median of the last w samples is one of these samples. It often equals the previous median. It may also
 equal a median up to w - 1 samples earlier, with other values in between. White noise that has passed through
-a linear filter never repeats values in this way if its numbers are not rounded. If they are rounded, two
-samples are equal about as often as the second is higher by one rounding step, since the differences have a
-smooth distribution.
+a linear filter never repeats values in this way if its numbers are not rounded. Rounded numbers do repeat
+values by chance, but this can be allowed for: the second of two samples equals the first about as often as it
+is one rounding step higher.
 """
 
 from typing import NamedTuple
@@ -26,9 +26,9 @@ SURE = 6.0
 standard deviations.
 """
 ROUNDED, ROUNDED_BETWEEN = 1.5, 1.25
-"""In rounded samples, differences of 0 are at most this many times as frequent as differences of one rounding
-step upwards. ROUNDED holds in general. ROUNDED_BETWEEN holds for two samples with another value in between,
-which makes a difference of 0 less likely.
+"""Rounded samples also equal each other by chance. That is at most this many times as frequent as a
+difference of one rounding step upwards. ROUNDED holds for any two samples. ROUNDED_BETWEEN holds for two
+samples with another value in between, which are equal less often.
 """
 FINE = 1.5
 """A difference of fewer rounding steps than this counts as a difference of one step. If most differences
@@ -44,9 +44,9 @@ medians.
 """
 
 SHAPED, ENOUGH = 0.1, 128
-"""SHAPED: if the product of frequency and window length is at most this, the filter lowers the power by at
-most a twentieth. Only such frequencies are fitted. ENOUGH: at least this many ordinates are fitted, even if
-some of their frequencies are higher.
+"""SHAPED: frequencies are fitted if their product with the length of the filter's window is at most this.
+There the filter lowers the power by at most a twentieth. ENOUGH: at least this many ordinates are fitted,
+even if the limit of some of them is exceeded.
 """
 
 
@@ -97,9 +97,9 @@ def find_median_filter(y: Array) -> MedianFilter | None:
     while longest < len(excess) and (excess[longest][1] or longest == 0):
         longest += 1
     if longest == len(excess):
-        # Repeats at every lag are not the work of a filter. The values were rounded coarsely, and two
-        # different offsets were added later. So `quantum`, the smallest difference of values, is not the
-        # rounding step.
+        # If values repeat at every lag, no filter is the cause. The values were rounded coarsely, and two
+        # different offsets were added after that. So the smallest difference of values, which is `quantum`,
+        # is smaller than the rounding step.
         return None
     return MedianFilter((longest + 1) | 1, excess[0][0])
 
@@ -115,9 +115,9 @@ def _of_one_value(y: Array) -> bool:
 
 
 def _excess(y: Array, lag: int, quantum: float) -> tuple[float, bool]:
-    """Return the proportion of values that repeat after `lag` samples, minus what rounding explains.
+    """Return the proportion of values that repeat after `lag` samples and that rounding does not explain.
 
-    Also return whether this excess is significant. `quantum`: the rounding step.
+    Also return whether this proportion is significant. `quantum`: the rounding step.
     """
     apart = np.abs(y[lag:] - y[:-lag])
     same = apart == 0

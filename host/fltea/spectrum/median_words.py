@@ -20,7 +20,7 @@ def explains(e: Evidence, found: Reading) -> bool:
     flat_hz = FLAT * e.rate_hz / e.median.samples
     if e.from_hz > flat_hz:
         return True  # the record is so short that the filter affects all fitted frequencies
-    # A relaxation with a high corner frequency may describe the filter. Other slow noise is no part of it.
+    # A relaxation with a high corner frequency may describe the filter. Other slow noise cannot.
     slow = found.says & SLOW_SAYS - {"relaxations"}
     return not slow and all(corner_hz(part) > flat_hz for part in found.relaxations)
 

@@ -39,7 +39,7 @@ class ModelSummary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class NoiseFigures(NamedTuple):
-    """The noise model that stands for the noise, and its figures."""
+    """The model that the verdict chooses for the noise, and its figures."""
 
     model: FittedModel
     parts: tuple[Estimated, ...]
