@@ -20,7 +20,7 @@ def information_of(f: CandidateModels, model: FittedModel) -> Array:
 
 
 def slopes(f: CandidateModels, codes: Sequence[int], eta: Sequence[float]) -> tuple[Array, Array]:
-    """Return a model's spectrum, (bins,), and the derivatives of its logarithm by each parameter, (p, bins)."""
+    """Return a model's spectrum, (bins,), and its logarithm's derivative by each parameter, (p, bins)."""
     total, rows = np.empty(len(f.data.lam)), np.empty((len(eta), len(f.data.lam)))
     f.native.slopes(list(codes), list(eta), total, rows)
     return total, rows

@@ -1,11 +1,11 @@
-"""Find a comb in an octave spectrum. Only the lowest teeth of the comb are separate lines there.
+"""Find a comb in an octave spectrum, in which only the lowest teeth of the comb can be told apart.
 
 The frequencies of an octave spectrum are called lines here. The distance between neighbouring lines is about
 proportional to the frequency. So the first ten to twenty teeth of a comb (the multiples of its fundamental
 frequency) are separate, and all higher teeth merge. The separate teeth are found in a similar way as in
 `comb`: the ratio of each line to the level around it is converted to a normal deviate. For each possible
 fundamental frequency, the deviates at its multiples are summed, and the sums are compared. Deviates are
-limited, so that a few strong lines do not make a comb. If a comb is found, the part of the spectrum in which
+limited, so that a few strong peaks do not make a comb. If a comb is found, the part of the spectrum in which
 its teeth merge is left out together with the separate teeth.
 """
 
@@ -23,33 +23,35 @@ from fltea.spectrum.periodogram import LOWEST, Periodogram
 from fltea.spectrum.spectral_lines import Peak, Repeats
 
 FEWEST_LINES = 5.0
-"""A tooth is a peak at a multiple of the comb's frequency; a line is one frequency of the octave spectrum.
-Teeth count as separate if they are at least this many lines apart. Under Hann's window a tooth is up to four
-lines wide.
+"""Teeth count as separate if they are at least this many lines apart. A tooth is a peak at a multiple of the
+comb's frequency, and under Hann's window up to four lines wide. A line is one frequency of the octave
+spectrum.
 """
 LOBES = 2.75
 """Where Hann's window was used, this many lines on each side of a tooth are left out with the tooth."""
 LEAKS = 0.05
-"""Where no window was used, the skirts of a tooth are left out as far as their power is at least this
-proportion of the noise's power.
+"""Without a window, the power of a tooth leaks far to both sides. As far as the leaked power is at least this
+proportion of the noise's power, the lines beside the tooth are left out with it.
 """
 AROUND, ASIDE = 12, 3
 """AROUND: the level of the noise at a line (one frequency of the spectrum) is the median over this many lines
-on each side. ASIDE: a line counts as a tooth of a comb only as far as it is also higher than the mean of the
-two lines that are this many lines away. If it is not, it may be a side lobe of a filter.
+on each side. ASIDE: if a line is an average over blocks, the level is at least the mean of the two lines that
+are this many lines away. So a wide maximum, such as a side lobe of a filter, is not taken for a tooth.
 """
 FEWEST_CLEAR, CLEAR_BY_CHANCE = 5, 0.0062
-"""CLEAR_BY_CHANCE: proportion of all lines that stand out clearly (see CLEAR) by chance. To save time, a comb
-is searched for only if at least FEWEST_CLEAR more lines than by chance stand out clearly.
+"""A line stands out clearly if its deviate is above CLEAR. CLEAR_BY_CHANCE: proportion of the lines of white
+noise that do so by chance. To save time, a comb is searched for only if at least FEWEST_CLEAR more lines than
+that stand out clearly.
 """
 CLEAR, MOST = 2.5, 4.0
 """The normal deviate of a line says by how many standard deviations the line exceeds the level. CLEAR: a line
 with a larger deviate stands out clearly. MOST: a larger deviate is replaced by this one.
 """
 NOTCH, LEAST_WEIGHT, LOBE = 0.4, 16.0, 10
-"""NOTCH: a line lies in a notch of a filter if its power is below this proportion of the level. LEAST_WEIGHT:
-only lines that average at least this number of ordinates are considered, since they are hardly ever so low by
-chance. LOBE: a side lobe of a filter has a notch at most this many lines away.
+"""NOTCH: a line lies in a notch of a filter if its power is below this proportion of the level. LOBE: a line
+that is at most this many lines away from a notch may be a side lobe of the filter, and is no tooth.
+LEAST_WEIGHT: this holds only for lines that average more ordinates than this, since other lines may be so low
+by chance.
 """
 NEARLY, SAME = 0.8, 0.02
 """NEARLY: of all fundamental frequencies whose evidence is at least this proportion of the highest evidence,
@@ -57,8 +59,8 @@ the lowest is chosen. SAME: fundamental frequencies whose relative difference is
 same frequency.
 """
 MOST_LEFT_OUT = 0.42
-"""On each side of a tooth, the band that is left out is at most this proportion of the distance between
-teeth.
+"""To remove a comb, a band around each tooth is left out. To each side, it reaches at most this proportion of
+the distance between teeth.
 """
 STEP = 1 / 160
 """Relative step between the fundamental frequencies that are tried. It is half the smallest relative distance
@@ -79,7 +81,7 @@ class OctaveComb(NamedTuple):
 def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> OctaveComb | None:
     """Return the comb of one series, or None without one. `p`: the octave spectrum of the series."""
     weight = np.ones_like(p.lam) if p.weight is None else p.weight
-    # if `p` has as many lines as the periodogram of `p.n` samples, it is the periodogram of the whole record
+    # if `p` has as many lines as a periodogram of `p.n` samples, no part of it comes from blocks
     if len(p.lam) == p.n // 2 + (p.n % 2) - LOWEST:
         return _of_the_whole(p, false_alarm)
     if _nothing_stands_out(p.power, weight):
@@ -105,8 +107,9 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
     strongest = evidence.max(axis=1)
     if not strongest.max() ** 2 / 2 > math.log(evidence.size / false_alarm):
         return None
-    # A comb of 1 Hz also has power at all multiples of 2 Hz, but a comb of 2 Hz lacks every second multiple
-    # of 1 Hz. So the lowest fundamental frequency with nearly the highest evidence is the true one.
+    # Events each second have power at all multiples of 1 Hz, so also at those of 2 Hz. But 2 Hz has less
+    # evidence, since the teeth at 1, 3, 5 … Hz are not among its multiples. So the lowest fundamental
+    # frequency with nearly the highest evidence is the true one.
     lowest = int((strongest > NEARLY * strongest.max()).argmax())
     near = fundamentals < fundamentals[lowest] * (1 + SAME)
     i = int(np.where(near, strongest, 0.0).argmax())
@@ -124,9 +127,9 @@ def _nothing_stands_out(power: Array, weight: Array) -> bool:
     parts = power[: blocks * 2 * AROUND].reshape(blocks, 2 * AROUND)
     level = np.repeat(np.partition(parts, AROUND, axis=1)[:, AROUND], 2 * AROUND)
     thin = 1 / (9 * weight[: len(level)])
-    # `least`: a line stands out clearly if its power is more than this many times the level. By chance this
-    # is as unlikely as a normal deviate above CLEAR. It is computed from Wilson and Hilferty's approximation
-    # for a mean of `weight` ordinates.
+    # `least`: a line stands out clearly if its power is more than this many times the level. In white noise,
+    # this is as rare as a normal random number above CLEAR, by the approximation of Wilson and Hilferty for a
+    # mean of `weight` ordinates.
     least = (1 - thin + CLEAR * np.sqrt(thin)) ** 3 / (1 - thin) ** 3
     few = FEWEST_CLEAR + CLEAR_BY_CHANCE * len(level)
     return int(np.count_nonzero(power[: len(level)] > least * level)) < few
@@ -142,9 +145,9 @@ def _of_the_whole(p: Periodogram, false_alarm: float) -> OctaveComb | None:
 
 
 def _ends(fundamentals: Array, lam: Array, spread: Array) -> Array:
-    """Return, for each fundamental frequency, the frequency below which its teeth are separate.
+    """Return up to which frequency the teeth are separate, for each fundamental frequency.
 
-    This frequency is 0 if no teeth are separate.
+    It is 0 if no teeth are separate.
     """
     needed = np.maximum.accumulate(spread) * FEWEST_LINES
     place = np.searchsorted(needed, fundamentals, "right") - 1
@@ -153,9 +156,9 @@ def _ends(fundamentals: Array, lam: Array, spread: Array) -> Array:
 
 @functools.lru_cache(maxsize=16)
 def _fundamentals(first: float, last: float) -> Array:
-    """Return all fundamental frequencies to try.
+    """Return all fundamental frequencies to try in a spectrum from `first` to `last` [rad a sample].
 
-    The first FEWEST_TEETH multiples of each lie between `first` and `last`.
+    The spectrum contains at least the first FEWEST_TEETH multiples of each.
     """
     lowest = 2 * first
     count = int(math.log(last / FEWEST_TEETH / lowest) / STEP)
@@ -170,13 +173,16 @@ def _level(power: Array, weight: Array) -> Array:
     padded = np.pad(power, AROUND, mode="reflect")
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
     level = np.partition(around, AROUND, axis=1)[:, AROUND]
-    # The median of averages over `weight` ordinates is smaller than their mean by the factor (1 - 1 / (9
-    # weight))³ (Wilson and Hilferty).
+    # The median of many averages, each over `weight` ordinates, is smaller than the mean by the factor (1 - 1
+    # / (9 weight))³ (Wilson and Hilferty).
     return np.asarray(np.maximum(level / (1 - 1 / (9 * weight)) ** 3, 1e-12 * power.mean()))
 
 
 def _beside_a_notch(power: Array, level: Array, weight: Array) -> NDArray[np.bool_]:
-    """Return which lines may be side lobes of a filter, (m,): those near a notch, far below the level."""
+    """Return which lines may be side lobes of a filter, (m,).
+
+    They are those near a notch, where the power is far below the level.
+    """
     padded = np.pad(power / level, LOBE, mode="reflect")
     lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * LOBE + 1).min(axis=1)
     return np.asarray((lowest < NOTCH) & (weight > LEAST_WEIGHT))
@@ -194,8 +200,8 @@ def _refined(p: Periodogram, level: Array, line: NDArray[np.intp], order: NDArra
     near = near.clip(0, len(p.lam) - 1)
     above = np.maximum(p.power[near] - level[near], 1e-300 * level[near])
     centre = (above * p.lam[near]).sum(axis=1) / above.sum(axis=1) / order
-    # The error of a tooth's centre is about the distance between two lines. If it is divided by the tooth's
-    # number, it is the error of the fundamental frequency.
+    # The error of a tooth's centre is about the distance between two lines. The fundamental frequency is the
+    # centre divided by the tooth's number, so its error is divided by this number, too.
     precision = (order / np.gradient(p.lam)[line]) ** 2
     return float((centre * precision).sum() / precision.sum())
 
@@ -217,7 +223,8 @@ def _described(
     bands = [((a - r) * to_hz, (a + r) * to_hz) for a, r in zip(at.tolist(), reach.tolist(), strict=True)]
     if end < p.lam[-1]:
         bands.append((end * to_hz, 1 / p.h))
-    # The merged teeth are assumed to have the same power as the separate teeth.
+    # The merged teeth, those that are too close to each other to be seen, are assumed to have the same power
+    # as the separate teeth.
     share = float(excess.mean()) * (math.pi / fundamental) / float(p.power @ spread)
     return OctaveComb(
         Peak(
@@ -234,5 +241,8 @@ def _described(
 
 
 def _is_whole(weight: Array) -> NDArray[np.bool_]:
-    """Return which lines are single ordinates of the record, not averages over blocks."""
+    """Return which lines come from the whole record, not from blocks.
+
+    The weight of a line that averages over blocks is not a whole number.
+    """
     return np.asarray(weight == np.rint(weight))

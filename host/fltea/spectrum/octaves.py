@@ -1,11 +1,11 @@
 """The spectrum of an endless series of samples, in constant memory and without loss of resolution.
 
 Each octave of the spectrum is a Welch estimate (blocks of 256 samples, Hann window, half overlapping). Its
-sample rate is half of that of the octave above it. Below the lowest octave there is the whole-record level
+sample rate is half of that of the next higher octave. Below the lowest octave there is the whole-record level
 (firmware/core/engine/octave_ladder.hpp): the whole record at a reduced rate, at which it has at most 3,072
 samples. So the spectrum of up to 3,072 samples is the periodogram of the record, and the lowest frequencies
-of a longer record have the resolution of the whole record. If the sums of two records are added, they give
-the spectrum of both records together.
+of a longer record have the resolution of the whole record. The sums of two records can be added (`merge`):
+they then give the spectrum of both.
 
 Samples that are not noise are left out and counted. They are knocks, steps of the offset and gaps
 (firmware/core/engine/gate.hpp), and samples that the caller marks as motion.
@@ -34,23 +34,22 @@ BLOCK: int = _native.OCTAVES_BLOCK
 LANE_BYTES: int = _native.OCTAVES_LANE_BYTES
 """Memory for each lane (axis) [bytes], whatever the length of the record."""
 SHORTEST = 64
-"""An unbroken stretch of the record at reduced rate is used only if it has at least this many samples."""
+"""Fewest samples of a stretch without a gap at the reduced rate. Shorter stretches are not used."""
 
 _FIRST_LINE: int = _native.OCTAVES_LOWEST
 _LINES = _native.OCTAVES_LINES
 JOIN = (_FIRST_LINE - 0.5) * 2 * 2 * math.pi / BLOCK
-"""Below this frequency, the spectrum comes from the record at a reduced rate; above it, from the octaves. The
-unit is rad per sample of the reduced rate.
+"""Below this frequency [rad per sample of the reduced rate], the spectrum comes from the whole record at a
+reduced rate; above it, from the octaves.
 """
 _HANN_POWER = 0.375 * BLOCK
 _HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
-"""Hann's window makes neighbouring frequencies correlated. This many of them count as a single independent
-frequency.
+"""Hann's window makes neighbouring frequencies correlated, so that only one in this many is independent. It
+is the sum of the squared correlations of one frequency with itself and with its neighbours.
 """
 _HALF_OVERLAP = 2 / 12
-"""This is added to `_HANN_LINES`, the number of frequencies that count as one, since blocks that overlap by
-half are correlated, too. It is the sum of the squared correlations of one frequency with all frequencies of
-the previous and of the next block.
+"""Blocks that overlap by half are correlated, too, so this is added to `_HANN_LINES`. It is the sum of the
+squared correlations of one frequency with all frequencies of the previous and of the next block.
 """
 
 
@@ -73,7 +72,7 @@ class Counts(NamedTuple):
     steps: int
     """The number of steps of the offset."""
     changes: int
-    """The number of times that the power of the noise changed by a factor of more than ten."""
+    """How often the power of the noise changed by a factor of more than ten."""
     constant: bool
     """Whether all samples are equal to the first."""
     limited: int = 0
@@ -87,10 +86,10 @@ class Counts(NamedTuple):
 
 
 class BandCells(NamedTuple):
-    """The power of one frequency band over time, described by the logarithms of its blocks' powers.
+    """The power of one frequency band over time: the logarithms of the powers of its blocks of samples.
 
-    The blocks are grouped into at most 16 cells (intervals of time). In addition, neighbouring runs of
-    successive blocks are compared with each other, at several time scales.
+    The blocks are grouped into at most 16 cells (intervals of time). In addition, the mean of each 2^s
+    successive blocks is compared with that of the next 2^s, for several scales s.
     """
 
     low_hz: float
@@ -108,11 +107,11 @@ class BandCells(NamedTuple):
     hop: int
     """Number of samples from the start of a block to the start of the next."""
     pairs: Array
-    """For each scale s, the number of pairs of neighbouring runs of 2^s blocks that were compared, (k,)."""
+    """For each scale s, how often 2^s blocks were compared with the next 2^s, in mean log power, (k,)."""
     scale_variance: Array
-    """For each scale s, the mean of 2^s d²/2 over all compared pairs of runs of 2^s blocks, (k,). d is the
-    difference between the mean log powers of the two runs. If the blocks are independent, the expected value
-    is the same at all scales.
+    """For each scale s, the mean of 2^s d²/2 over the compared `pairs`, (k,). d is the difference between the
+    mean log powers of 2^s blocks and of the next 2^s. If the blocks are independent, the expected value is
+    the same at all scales.
     """
 
 
@@ -141,11 +140,11 @@ class Parts(NamedTuple):
     whole: list[Lines]
     """The frequencies, powers and weights of each unbroken stretch of the record at reduced rate."""
     depth: int
-    """Number of octaves. Their frequencies lie above those of the record at reduced rate."""
+    """Number of octaves. For the record at reduced rate, the rate was halved as many times."""
     drift: Drift | None
     n: int
-    """Number of samples, at the full rate, of the longest unbroken stretch of the record at reduced rate. If
-    there is no stretch, the number of samples in a block of the lowest octave.
+    """Length, in samples of the full rate, of the longest stretch without a gap in `whole`. If `whole` is
+    empty, the length of a block of the lowest octave.
     """
 
 
@@ -164,8 +163,8 @@ class Octaves:
     def add(self, y: Array, moving: NDArray[np.bool_] | None = None, longest: float = 0.0) -> None:
         """Add samples `y`, (n, lanes). The result does not depend on how many samples a call adds.
 
-        `moving` (n, lanes): samples that are motion and are left out. When a motion has lasted for `longest`
-        samples without 1,024 samples at rest in a row, its further samples count as noise.
+        `moving` (n, lanes): samples that are motion and are left out. `longest`: if no 1,024 samples in a row
+        were at rest for this many samples, further samples that are motion count as noise.
 
         Raises:
             ValueError: the shape is wrong, or a number is not finite or beyond 5e99.
@@ -229,8 +228,7 @@ class Octaves:
     def periodogram(self, lane: int, h: float) -> Periodogram:
         """Return the spectrum of a lane (axis) with the weights of its ordinates. `h`: sampling period [s].
 
-        The periodogram's `n` is the length of the longest unbroken stretch of the record at reduced rate,
-        counted in samples of the full rate.
+        The periodogram's `n` is the `n` of `Parts`.
 
         Raises:
             ValueError: the lane is constant, h is not positive, or there are too few samples yet.
@@ -255,7 +253,7 @@ class Octaves:
         return put_together(found.welch + found.whole, h, found.n), found.drift
 
     def parts(self, lane: int) -> Parts:
-        """Return the parts from which the spectrum of a lane is made."""
+        """Return the spectrum of a lane in parts: each octave, and the record at reduced rate."""
         welch, values, lengths = self.native.spectrum(lane)
         depth = len(welch)
         octaves = [
@@ -307,14 +305,14 @@ class Octaves:
 
 
 def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:
-    """Join the parts of a spectrum, of which there is at least one, in the order of rising frequency.
+    """Join the parts of a spectrum in the order of rising frequency. There is at least one part.
 
-    `n`: as in `Periodogram`.
+    `n`: number of samples, as in `Periodogram`.
 
     Raises:
         ValueError: there are too few frequencies for a fit.
     """
-    # The parts begin with the highest octave. Without gaps, frequencies rise from the last to the first.
+    # `parts` begins with the highest octave. Without gaps, frequencies rise from the last part to the first.
     lam, power, weight = map(np.concatenate, zip(*reversed(parts), strict=True))
     if not (lam[1:] > lam[:-1]).all():
         lam, power, weight = in_order(*map(np.concatenate, zip(*parts, strict=True)))
@@ -330,15 +328,16 @@ def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> L
 
 @functools.cache
 def _welch_gain(level: int, lines: int) -> tuple[Array, Array]:
-    """Return the frequencies of an octave, and the factors that turn sums over its blocks into powers."""
+    """Return an octave's frequencies, and the factors that turn the mean |FFT|² of its blocks into powers."""
     own = np.asarray(2 * np.pi / BLOCK * (_FIRST_LINE + np.arange(lines)), dtype=np.float64)
     return own / 2**level, 2.0**level / _HANN_POWER / _passed(own, level)
 
 
 def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) -> Lines:
-    """Return frequencies, powers and weights of one stretch of the record at reduced rate.
+    """Return frequencies, powers and weights of `y`, a stretch at a rate that was halved `level` times.
 
-    A cubic, the drift, is subtracted from long records. Its coefficients are appended to `amplitudes`.
+    A cubic, the drift, is subtracted if the rate was halved or the drift is large. Its coefficients are
+    appended to `amplitudes` in any case.
     """
     m = len(y)
     lam, gain = _whole_gain(level, m)
@@ -370,16 +369,16 @@ def _stretches(values: NDArray[np.float32], lengths: NDArray[np.int32]) -> list[
 
 
 def _passed(own: Array, level: int) -> Array:
-    """Return the power gain of all filters that samples pass before they reach a level of reduced rate.
+    """Return the power gain of all filters that samples pass before their rate is halved `level` times.
 
-    `own`: frequencies [rad a sample of the level], up to 0.7 π.
+    `own`: frequencies [rad a sample of the reduced rate], up to 0.7 π.
     """
     return np.interp(own, _GRID, _passed_on_grid(level))
 
 
 _GRID = np.linspace(0, 0.71 * np.pi, 2001)
-"""Frequencies [rad a sample of the level] at which the gain of the filters in `_passed` is computed.
-Interpolation between them is accurate to seven digits.
+"""Frequencies [rad a sample of the reduced rate] at which `_passed_on_grid` computes the gain of the filters.
+Interpolated between them, the gain is accurate to seven digits.
 """
 
 

@@ -41,7 +41,8 @@ ORDERS_TRIED = np.arange(0.04, 1.3, 0.08)
 class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Order and other parameters of a noise model. If the data do not define them, all values are None.
 
-    F = g + α, g = h^α f, h: sampling period. Variances: s2 of the state's steps, R of white noise, in unit².
+    The order α and f are those of D^α x = f x + ω. F = h^α f + α, where h is the sampling period. s2 is the
+    variance of the steps that drive x, and R that of the white noise, both in unit².
     """
 
     alpha: Interval = Interval()
@@ -54,7 +55,7 @@ class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def of_order(f: CandidateModels, model: FittedModel, code: int, at: int) -> dict[str, Interval]:
-    """Return the intervals of those parameters of an order or of ARFIMA that need more than one search.
+    """Return the intervals of those parameters of an order or of ARFIMA that need more than a simple search.
 
     Such a parameter depends on several free parameters of the fit, or its likelihood may have several maxima.
     For a part of any other kind the result is empty.
@@ -83,7 +84,7 @@ def _step(f: CandidateModels, model: FittedModel, at: int) -> Interval:
 
 
 def _noise(f: CandidateModels, model: FittedModel, at: int, Q: float) -> Interval:
-    """Return the variance Q of the noise that drives an order, with its interval."""
+    """Return the variance Q of the noise ω that drives noise of an order, with its interval."""
     alpha, logit = model.eta[at : at + 2]
     by_noise = reparametrised(model, at, BY_NOISE, [alpha, logit, math.log(Q)])
     reach = LEAST + 4 * abs(math.log(f.h))
@@ -127,10 +128,10 @@ def order_fit(f: CandidateModels, model: FittedModel) -> OrderFit:
 
 
 def _of_maximum(f: CandidateModels, model: FittedModel, at: int, first: bool = True) -> list[Ends]:
-    """Return α, F = h^α f + α, -f, s2 and R, each with the interval around one maximum of the likelihood.
+    """Return α, F, -f, s2 and R, each with the interval around one maximum of the likelihood.
 
-    `first`: whether this is the highest maximum of the likelihood. Only then are the ends of the intervals
-    stored, as starts for the next refit.
+    The parameters are those of `OrderFit`. `first`: whether this is the highest maximum of the likelihood.
+    Only then are the ends of the intervals stored, as starts for the next refit.
     """
     here, s2_at = model.eta, at + 2
 
@@ -151,16 +152,17 @@ def _of_maximum(f: CandidateModels, model: FittedModel, at: int, first: bool = T
 
 
 def _values(f: CandidateModels, eta: Sequence[float], at: int) -> tuple[float, ...]:
-    """Return α, F = h^α f + α, -f, s2 and R, computed from the free parameters `eta`."""
+    """Return α, F, -f, s2 and R (see `OrderFit`), computed from the free parameters `eta`."""
     g = g_of_eta(eta[at : at + 2])
     return eta[at], eta[at] + g, -f_of(eta[at], g, f.h), math.exp(eta[at + 2]), math.exp(eta[0])
 
 
 def _elsewhere(f: CandidateModels, model: FittedModel, at: int) -> list[list[float]]:
-    """Return the free parameters of fits, each with a fixed order that is in the order's interval.
+    """Return the free parameters of further fits, each with the order held at another value.
 
-    The first call after a model search tries all orders in ORDERS_TRIED. Later calls repeat only those fits
-    whose order was found to lie in the interval.
+    The order of each lies in the interval of the order: its 2 log L is less than CRITICAL below that of
+    `model`. The first call after a model search tries all orders in ORDERS_TRIED. Later calls repeat only the
+    fits that made an interval wider.
     """
     starts = f.fits.elsewhere
     if starts is None:

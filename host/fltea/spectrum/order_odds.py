@@ -1,12 +1,13 @@
 """Odds that a noise has an order, computed from how well models with and without an order fit.
 
 The difference of two models' BIC is about -2 times the logarithm of their Bayes factor (Schwarz, *Ann. Stat.*
-6, 1978). This is only approximate, since a search has chosen both models, and sums of relaxations have priors
-of their own. So the odds come from a logistic regression with two inputs. Both say how much better the best
-model with an order fits than a model without one. The first input compares it with the best model without an
-order, by BIC. The second compares it with a model without an order that may have more parts, by 2 log L. The
-regression was fitted to noises that were drawn at random. Half of them have an order, and the other half
-consist of relaxations (tools/validation/odds/populations.py, host/docs/evaluation/odds.md).
+6, 1978). Here this is only approximate: each model is the best of many that a search tried, and a sum of
+relaxations has a prior of its own. So the odds come from a logistic regression with two inputs. Each input
+compares the best model with an order with a model without one. The first input is the difference in BIC to
+the best model without an order. The second is the difference in 2 log L to a model without an order that may
+have more parts. The regression was fitted to noises that were drawn at random. Half of them have an order,
+and the other half consist of relaxations (tools/validation/odds/populations.py,
+host/docs/evaluation/odds.md).
 """
 
 import math

@@ -5,9 +5,10 @@ both sides. Where the spectrum is flat, the ratio of a range's mean to that of a
 whatever the level of the spectrum is. Ranges of 1, 2, 4, ... ordinates are tried. The rate of false alarms is
 divided by the number of trials (Bonferroni).
 
-At the ends of the band, the search finds only lines. Near 0 Hz the lower flank may be short. At the Nyquist
-frequency there is only a lower flank. Its level is extrapolated: it is multiplied by the ratio of the level
-in its second half to that in its first half.
+At the ends of the band, a flank is short (near 0 Hz) or missing (at the Nyquist frequency). There the search
+finds only narrow lines, and humps at the Nyquist frequency itself. For a line near the Nyquist frequency, the
+level follows from the lower flank alone. If the spectrum rises within this flank, the level is extrapolated:
+that of the flank's upper half is multiplied by the ratio of the upper half to the lower half.
 
 host/native/octave_peak.hpp does the same for values that are averages of different numbers of ordinates.
 There are two programs, since their tasks differ. A file of a day has millions of ordinates. They are searched
@@ -34,17 +35,17 @@ SHORTEST_FLANK = 4
 END_WIDTHS = (1, 2, 4)
 """At the ends of the band, ranges of these widths [ordinates] are searched for a peak."""
 SURELY_NOT = 4.0
-"""The probability that chance makes a range so high is first computed as if the level around the range were
-exactly known. The logarithm of this probability differs by at most this from the exact one. So a range that
-is certainly not significant can be left out before the exact test.
+"""A quick test comes before the exact one. It computes how probable so high a range is by chance, as if the
+level around the range were exactly known. The logarithm of this probability differs by at most SURELY_NOT
+from the exact one. So only ranges that are certainly not significant are left out before the exact test.
 """
 WIDEST_SHARE = 0.08
 """The widest range that is tried has this proportion of all ordinates."""
 FOLDED_SHARE, FOLDED_HEIGHT, FLAT = 0.04, 5.0, 1.3
-"""Limits for a hump at the Nyquist frequency. FOLDED_SHARE: its width is at most this proportion of all
-ordinates. FOLDED_HEIGHT: its mean is at least this many times the level of the flank below it. FLAT: the
-level in the flank's upper half is at most this many times that in its lower half. The last limit excludes
-noise that alternates in sign, whose spectrum rises slowly towards the Nyquist frequency.
+"""Limits for a hump (a wide peak) at the Nyquist frequency. FOLDED_SHARE: its width is at most this
+proportion of all ordinates. FOLDED_HEIGHT: its mean is at least this many times the level of its flank, the
+ordinates below it. FLAT: the level in the flank's upper half is at most this many times that in its lower
+half. So noise that alternates in sign is no hump: its spectrum rises slowly towards the Nyquist frequency.
 """
 LEAST_LEVEL = 1e-12
 """The level around a peak is at least this many times the mean of all ordinates. A smaller level, such as 0
@@ -86,9 +87,9 @@ def strongest_ordinates(power: Array, false_alarm: float) -> tuple[int, int, flo
         highest, place, around = top
         tried = len(range(first, last, step))
         log_p = f_log_tail(highest, 2 * width, 2 * flank) + math.log(len(widths) * tried)
-        # Of all significant ranges, the one with the highest likelihood as a peak is chosen. This likelihood
-        # is computed as if the level were known. A comparison of the ranges' probabilities would favour wide
-        # ranges, since these have longer flanks.
+        # Of all significant ranges, the one with the highest likelihood as a peak (`gain`) is chosen. The
+        # likelihood is computed as if the level around the range were exactly known. Their `log_p` is not
+        # compared: it is lower for wide ranges, since these have longer flanks.
         gain = width * (highest - 1 - math.log(highest)) if highest > 0 else -math.inf
         if log_p < math.log(false_alarm) and (best is None or gain > best[0]):
             best = gain, place, place + width, around
@@ -96,9 +97,9 @@ def strongest_ordinates(power: Array, false_alarm: float) -> tuple[int, int, flo
 
 
 def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
-    """Return gain, begin, end and surrounding level of the most likely spectral line at an end of the band.
+    """Return the most likely spectral line at an end of the band, where a flank is too short or missing.
 
-    There, a flank is too short or missing.
+    The result is its gain in log likelihood, its begin and end, and the level around it.
     """
     m = len(sums) - 1
     at, width = _end_tries(m)
@@ -130,10 +131,10 @@ def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, floa
 
 
 def _at_nyquist(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
-    """Return gain, begin, end and surrounding level of the most likely hump at the Nyquist frequency.
+    """Return the most likely hump at the Nyquist frequency, as `_at_the_ends` returns a line.
 
-    Mains hum of 50 Hz makes such a hump if the sample rate is 100 Hz. The spectrum of noise that rises
-    towards the Nyquist frequency changes by less over so few ordinates.
+    Mains hum of 50 Hz makes such a hump if the sample rate is 100 Hz. Noise whose spectrum rises towards the
+    Nyquist frequency rises by far less within so few ordinates.
     """
     m, best = len(sums) - 1, None
     widths = [1 << i for i in range(2, int(math.log2(max(FOLDED_SHARE * m, 1))) + 1)]
@@ -156,9 +157,10 @@ def _at_nyquist(sums: Array, false_alarm: float) -> tuple[float, int, int, float
 
 @functools.lru_cache(maxsize=8)
 def _end_tries(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the ranges that may be peaks near the ends of m ordinates.
+    """Return the ranges of ordinates near the ends of the band that may be peaks.
 
-    The arrays are the index of each range's first ordinate, and its width in ordinates.
+    The band has m ordinates. The result is the index of each range's first ordinate, and its width in
+    ordinates.
     """
     tries = [
         (at, width)

@@ -53,7 +53,7 @@ class Ordinates(NamedTuple):
         return Ordinates(p.lam, p.power, p.h, p.n, p.weight, averaged_of(p.weight), np.gradient(p.lam))
 
     def part(self, begin: int, end: int) -> "Ordinates":
-        """Return the values from index `begin` to before `end`."""
+        """Return the ordinates from index `begin` to before `end`."""
         return self._chosen(lambda column: column[begin:end])
 
     def without(self, left: int, right: int) -> "Ordinates":
@@ -77,7 +77,7 @@ class Ordinates(NamedTuple):
         return self.averaged is not None and bool(self.averaged.any())
 
     def first_average_before(self, end: int) -> int:
-        """Return the first index from which on all values up to `end` are averages over blocks."""
+        """Return the smallest index from which all values before `end` are averages over blocks."""
         single = np.flatnonzero(~self.averaged[:end]) if self.averaged is not None else np.arange(end)
         return int(single[-1]) + 1 if single.size else 0
 
@@ -106,7 +106,7 @@ class Ordinates(NamedTuple):
         return float(self.power.sum() if self.spread is None else self.power @ self.spread)
 
     def width_hz(self, at: NDArray[np.intp]) -> float:
-        """Return the total width [Hz] of the bands for which the values with the indices `at` stand."""
+        """Return the total width [Hz] of the frequency bands that the values with the indices `at` cover."""
         if self.spread is None:
             return len(at) / (self.n * self.h)
         return float(self.spread[at].sum() / (2 * math.pi * self.h))
@@ -134,7 +134,7 @@ def averaged_of(weight: Array) -> NDArray[np.bool_]:
 
 
 def around(p: Periodogram, bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Return `bands` (low, high) [Hz], widened so that no sharp spectral line in a band leaks from it."""
+    """Return `bands` (low, high) [Hz], widened so that each holds all the power of a sharp line in it."""
     if p.weight is None:
         return bands
     hz = p.lam / (2 * np.pi * p.h)
