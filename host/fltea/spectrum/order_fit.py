@@ -55,7 +55,7 @@ class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def of_order(f: CandidateModels, model: FittedModel, code: int, at: int) -> dict[str, Interval]:
-    """Return the intervals of those parameters of an order or of ARFIMA that need more than a simple search.
+    """Return the intervals of those parameters of an order or of ARFIMA that one search per end cannot find.
 
     Such a parameter depends on several free parameters of the fit, or its likelihood may have several maxima.
     For a part of any other kind the result is empty.

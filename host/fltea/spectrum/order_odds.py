@@ -1,12 +1,12 @@
 """Odds that a noise has an order, computed from how well models with and without an order fit.
 
 The difference of two models' BIC is about -2 times the logarithm of their Bayes factor (Schwarz, *Ann. Stat.*
-6, 1978). Here this is only approximate: each model is the best of many that a search tried, and a sum of
-relaxations has a prior of its own. So the odds come from a logistic regression with two inputs. Each input
-compares the best model with an order with a model without one. The first input is the difference in BIC to
-the best model without an order. The second is the difference in 2 log L to a model without an order that may
-have more parts. The regression was fitted to noises that were drawn at random. Half of them have an order,
-and the other half consist of relaxations (tools/validation/odds/populations.py,
+6, 1978). Here this is only approximate: each model is the best of many that a search tried, and BIC does not
+know how probable a sum of relaxations is. So the odds come from a logistic regression with two inputs. Each
+input compares the best model with an order with a model without one. The first input is the difference in BIC
+to the best model without an order. The second is the difference in 2 log L to a model without an order that
+may have more parts. The regression was fitted to noises that were drawn at random. Half of them have an
+order, and the other half consist of relaxations (tools/validation/odds/populations.py,
 host/docs/evaluation/odds.md).
 """
 
