@@ -148,8 +148,8 @@ class CandidateModels:
         null: an order up to 1 in white noise, the first alternative to white noise in the null test.
         missing: white noise through a high-pass of one pole, the second alternative to white noise in the
             null test.
-        plain: the best model by BIC without an order.
-        rich: the best model without an order, found at a price lower than BIC's.
+        plain: the best model without an order. BIC chooses the number of its parts.
+        rich: the best model without an order, if a further part has to raise 2 log L by less than for BIC.
         pure: the best model with an order and without relaxations or random walks, or None if nothing
             indicates an order.
         ordered: the best model with an order, or None if nothing indicates an order.
