@@ -1,9 +1,9 @@
 """The questions about the best model without an order, and the sentences of the verdict that answer them.
 
-An example is "Is there a resonance?". Each question has one row in `ANSWERS`. The parts of the model give the
-answers: a resonance, for example, answers this question with yes. Which question each kind of part answers
-with yes is told by `Says` in its row of `kTable` (host/native/whittle_parts.hpp). `spectrum.reading` finds
-the answers for a whole model.
+An example is "Is there a resonance?". Each question has one row in `ANSWERS`, or its answer in the class of
+the part. The parts of the model give the answers: a resonance, for example, answers this question with yes.
+Which question each kind of part answers with yes is told by `Says` in its row of `kTable`
+(host/native/whittle_parts.hpp). `spectrum.reading` finds the answers for a whole model.
 """
 
 from collections.abc import Callable

@@ -3,9 +3,9 @@
 from fltea.spectrum.spectral_lines import Repeats
 
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
-SAME_FREQUENCY = 3e-3
-"""A frequency counts as mains hum if it differs from a mains frequency (MAINS_HZ) by at most this proportion.
-Power grids keep their frequency within 0.4 %.
+SAME_FREQUENCY = 4e-3
+"""A frequency counts as mains hum if it differs from one of MAINS_HZ by less than this proportion of it.
+Large power grids keep their frequency within 0.4 % (0.2 Hz at 50 Hz).
 """
 NEXT = (
     "Look for what runs with that period: a logger that writes its buffer, a GPS pulse, a heater, a radio. "
