@@ -6,7 +6,7 @@
      make faults ARGS='daemon --long'            faults of minutes, as in the tables of host/docs
 
 Exit code 1: some records are not accounted for, or a fault did not have the expected outcome. If a fault
-cannot be played on this machine, its row of the table says why, and has no records.
+cannot be played on this machine, its row of the table says why, and all its counts are 0.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Accounts for every sample.
 
-Each sample was delivered, or it was counted as lost, or no program can know of it.
+Each sample was delivered, or it was counted as lost, or no program can know that it is missing.
 """
 
 from collections import Counter
@@ -43,7 +43,8 @@ class Account(NamedTuple):
 def heard(records: Sequence[Record], sample: Callable[[Record], Sample]) -> Heard:
     """Count the delivered, lost and dropped samples in a program's records.
 
-    `sample`: returns the sample of a `sample` record, or the first missing sample of a `gap` record.
+    `sample`: function that names the sample of a record: of a `sample` record the one that it contains, of a
+    `gap` record the first one that is missing.
     """
     delivered, lost, dropped = Counter[Sample](), Counter[Sample](), 0
     for record in records:
@@ -119,7 +120,8 @@ def wrong_sums(records: Sequence[Record]) -> list[str]:
     For each output, the numbers of written, dropped and queued records must add up to the number of published
     records.
 
-    The sum may be too small by the number of error records, because another thread may publish one meanwhile.
+    The sum may be too small by up to the number of error records: between the counting and the publication of
+    the counts, another thread may publish an error record.
     """
     last = max((k for k, record in enumerate(records) if record["class"] == "stats"), default=None)
     outputs = {} if last is None else records[last].get("outputs", {})

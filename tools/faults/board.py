@@ -47,7 +47,7 @@ class Measured(NamedTuple):
 
     @property
     def outcome(self) -> Outcome:
-        """The results in the form in which the report shows them."""
+        """These results as an `Outcome`, which the report shows as a row of its table."""
         counts = [f"{name} {n}" for name, n in self.status.items() if n and name != "reset_cause"]
         if self.resets:
             counts.insert(0, f"reset_cause {self.status['reset_cause']}")
@@ -89,7 +89,7 @@ class DueExpected(NamedTuple):
 
     @property
     def of_outcome(self) -> Expected:
-        """The expected faults, epochs and losses, which the report's table compares with those of a run."""
+        """What is expected of a run's `Outcome`: its faults, epochs and losses."""
         return Expected((*self.faults, *self.epochs), lost=self.lost, excused=self.unheard)
 
     def differences(self, one: Measured) -> list[str]:
@@ -104,8 +104,8 @@ class DueExpected(NamedTuple):
             "bus_recoveries": status["bus_recoveries"] == self.bus_recoveries,
             "sensor_reinits": status["sensor_reinits"] == one.epochs.count("sensor_restart"),
             "dropped_frames": status["dropped_frames"] == 0,
-            # The device cannot know which samples are lost on the wire. It has to count all other samples
-            # that the host lacks.
+            # The device has to count each sample that the host lacks as an overrun. It cannot know of samples
+            # that are lost on the wire, so it counts none of these.
             "overruns": status["overruns"] == (0 if self.lost_on_the_way else one.lost),
         }
         wrong = [f"{name} is not as expected: {one}" for name, is_right in checks.items() if not is_right]
@@ -240,7 +240,7 @@ def measure(image: bytes, case: DueCase) -> tuple[DueRun, Measured]:
     arrivals = [sample.at_ps for sample in run.of(wire.Sample)]
     samples = run.stats.sample_counts
     status = run.status._asdict()
-    # These two fields are shares and times; all other fields of STATUS are counts.
+    # Only the counts of STATUS are compared: `cpu_share` is a share, and `longest_step` a duration.
     del status["cpu_share"], status["longest_step"]
     status["reset_cause"] = wire.ResetCause(run.status.reset_cause).name.lower()
     return run, Measured(

@@ -59,7 +59,7 @@ def play_all(cases: Sequence[Case], *, at_once: int, **how: Any) -> dict[str, "F
 
     Several faults can run at once, because they mostly wait and need little processor time.
 
-    Return, for the name of each fault, the future of its outcome.
+    Return immediately: for each fault's name, a `Future` whose result will be the outcome.
     """
     pool = ThreadPoolExecutor(at_once)
     found = {case.name: pool.submit(play, case, **how) for case in cases}
@@ -73,7 +73,7 @@ def line(cells: tuple[str, ...]) -> str:
 
 
 def cells(name: str, one: Outcome) -> tuple[str, ...]:
-    """Return the cells of a fault's row, without the first cell, which names the part of the program."""
+    """Return the cells of a fault's row in the report's table, except the first (the part of the system)."""
     parts = " + ".join(f"{count} {where}" for where, count in one.where.items() if count) or "0"
     figures = (f"{what} {_number(value)}" for what, value in one.figures.items())
     wrong = f" **{'; '.join(one.wrong)}**" if one.wrong else ""
