@@ -28,7 +28,7 @@ M = TypeVar("M")
 
 DATA_BYTES = 14
 QUIET_PS = PERIOD_PS * 8 // 10
-"""Time after a sampling instant [ps] by which everything that the instant caused has arrived."""
+"""Time after a sampling instant [ps] by which all bytes that it caused have reached the host."""
 NEAR_PS = PS_PER_S // 1000
 NO_ESTIMATES = {"estimator.startup": 1_000_000, "live.on": False}
 
@@ -150,9 +150,9 @@ class DueRun(HostView):
     # Methods that compare board and host
 
     def unheard(self) -> list[int]:
-        """Return how many sampling instants a boot still had after the last sample that the host received.
+        """Return how many sampling instants followed the last sample that the host received, in each boot.
 
-        The result has one number for each boot that read the sensor.
+        Boots that did not read the sensor are left out.
         """
         return [boot.due - (boot.heard[1] + 1 if boot.heard else 0) for boot in self.boots if boot.bursts]
 

@@ -63,7 +63,7 @@ class Cpu:
         self._restart = True
         self._halted_until_ps = 0
         self._handed_over: tuple[int, ...] | None = None
-        """The machine's state that `execution` got last; None if it must get it again."""
+        """The machine's state that was last passed to `execution`; None if it must be passed in any case."""
         self._pc = 0
         machine.where = lambda: f"at PC 0x{self._pc:08X}"
 
@@ -162,8 +162,9 @@ class Cpu:
                 self._event_register = True
                 self._pc = self._exceptions.enter(urgent)
                 self._execution.forget_reads()
-            # The program may enable interrupts for as little as two instructions. While an interrupt waits
-            # for that, the program therefore runs by single instructions.
+            # While the register PRIMASK holds an interrupt back, the program runs in slices of one
+            # instruction: it may enable interrupts for as little as two instructions, and this must be
+            # noticed.
             self._run_slice(at_ps, 1 if masked else SLICE_INSTRUCTIONS)
 
     def _urgent(self) -> int | None:
@@ -274,7 +275,7 @@ class Cpu:
         self._hand_over()
 
     def _drops_access(self, now_ps: int) -> bool:
-        """Advance time to the moment of an access. Return whether an earlier reset prevents the access."""
+        """Advance time to the moment of an access. Return whether a reset came before it."""
         self._pc = self._execution.address
         self._machine.advance_to(now_ps)
         if self._restart:

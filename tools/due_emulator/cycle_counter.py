@@ -43,5 +43,8 @@ class CycleCounter:
         return max(0, at_ps - self._machine.now_ps)
 
     def lay_out(self, register: QuickRegister, period: int) -> None:
-        """Make a register show this count modulo `period` when `execution.cpp` reads it without Python."""
+        """Let `execution.cpp` read this count from a register without Python.
+
+        When the register's value reaches `period`, it begins at 0 again.
+        """
         register.count(self._from_ps, self._from_cycles, self._rate, period)

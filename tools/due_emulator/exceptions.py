@@ -11,8 +11,9 @@ from tools.due_emulator.nvic import Nvic, describe_exception
 from tools.due_emulator.system_control import SystemControl
 
 RETURN_TO_HANDLER, RETURN_TO_THREAD = 0xFFFF_FFF0, 0xFFFF_FFF8
-"""The addresses (EXC_RETURN) to which a handler jumps to return, without bit 0. The one for the process stack
-(…FFFD) is not modelled.
+"""To return, a handler jumps to one of these addresses (EXC_RETURN; here without bit 0): to another handler,
+or to the program on the main stack. The address 0xFFFFFFFD, for a program on the process stack, is not
+modelled.
 """
 FRAME = Struct("<8I")
 XPSR_T, XPSR_ALIGNED = 1 << 24, 1 << 9

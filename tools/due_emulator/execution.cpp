@@ -28,17 +28,16 @@ uint64_t time_after(const Execution& e, uint64_t instructions) {
     return e.slice_ps + instructions * kPsPerS / e.hz + e.charged_ps;
 }
 
-// Returns the virtual time at which the present instruction began. `done` can be 0 here: when Unicorn starts
-// again at a conditional instruction, it may not call before_instruction, so an access to a peripheral can
-// come before the first counted instruction of a slice.
+// Returns the virtual time at which the present instruction began. `done`, the number of instructions that
+// were counted in this slice, can still be 0: if Unicorn starts at a conditional instruction, it may not call
+// before_instruction, which counts them.
 uint64_t time_of_instruction(const Execution& e) {
     if (e.done) return time_after(e, e.done - 1);
     const uint64_t cycle_ps = (kPsPerS + e.hz - 1) / e.hz;
     return e.charged_ps > cycle_ps ? e.slice_ps + e.charged_ps - cycle_ps : e.slice_ps;
 }
 
-// Returns the number of instructions after which the slice ends if nothing happens before the next known
-// event.
+// Returns after how many instructions the slice ends if no earlier event is added meanwhile.
 uint64_t instructions_to_end(const Execution& e) {
     uint64_t longest = e.longest;
     if (e.waiting && e.done + e.waiting_instructions < longest) longest = e.done + e.waiting_instructions;
@@ -62,8 +61,7 @@ bool in_flash(const Execution& e, uint64_t address, uint64_t bytes) {
     return address >= e.flash_base && address + bytes <= e.flash_base + e.flash_bytes;
 }
 
-// Whether the halfword is UDF, SVC, BKPT, or a hint such as WFI, but not NOP. These instructions end a slice,
-// or may end it.
+// Whether the instruction can end a slice: UDF, SVC, BKPT, or a hint such as WFI, but not NOP.
 bool is_special(uint16_t halfword) {
     const uint16_t high = halfword >> 8;
     const bool is_hint = high == 0xBF && !(halfword & 0xF) && halfword != 0xBF00;
@@ -187,9 +185,10 @@ uint64_t hash_of_registers(const Execution& e) {
     return hash;
 }
 
-// Whether the loop with read number `i` only waits. A loop counts its iterations if registers change although
-// no value that it reads changed. So it only waits if, since this instruction last read, no register has
-// changed, or another instruction has read a changed value, which explains changed registers.
+// Whether the loop that contains read number `i` only waits. If it counted its iterations, a register would
+// change in each one, although all reads give the same values. So the loop only waits if no register has
+// changed since this instruction last read. It also passes as waiting if another instruction has meanwhile
+// read a new value, because the registers may have changed for that reason.
 bool only_waits(Execution& e, uint64_t i) {
     if (e.recent_changes[i] != e.changes) return true;
     const uint64_t hash = hash_of_registers(e);
@@ -236,14 +235,14 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
         e.limit = 0;
         return 0;
     }
-    // If the next event is another one than before the read, the read has started an action, so it is no
-    // poll. Time must not jump, because the code after the read may have little time until that event.
+    // If the read has changed the time of the next event, it has started an action, so it is no poll. Time
+    // must not jump then, because the code after the read may have little time until that event.
     if (written || e.next_event_ps != next_event_ps)
         e.recent_count = 0;
     else if (!e.dropped)
         charge_read(e, value, now_ps);
     e.charged_ps += e.access_cycles * kPsPerS / e.hz;
-    // Events during the access need not end the slice, because often a poll waits for just these events.
+    // Events during the access need not end the slice: often the program polls because it waits for them.
     const uint64_t end_ps = time_of_instruction(e);
     // A change of BASEPRI, which Unicorn does not report, may have enabled a waiting interrupt.
     if (e.next_event_ps <= end_ps || e.waiting) e.on_events(end_ps);
@@ -251,9 +250,9 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
     return value;
 }
 
-// Notes the range of the program's code that is in RAM. Of the two emulated processors (fast, and exact with
-// a check of each instruction), only the exact one runs this code. It does not notice if the fast one
-// overwrites the code, so run_fast compares the range before and after.
+// Notes the range of the program's code that is in RAM. Of the two emulated processors, only the exact one,
+// which checks each instruction, runs this code. If the fast one overwrites the code, the exact one does not
+// notice. Therefore run_fast compares the contents of the range before and after.
 void note_code_elsewhere(Execution& e, uint64_t address, uint64_t bytes) {
     if (e.code_begin == e.code_end) e.code_begin = e.code_end = address;
     if (address < e.code_begin) e.code_begin = address;
@@ -282,8 +281,8 @@ void run_fast(Execution& e, uint64_t pc) {
     check_thumb(e, e.fast);
     const bool is_cut_off = error || (e.interrupt != kNoInterrupt && e.interrupt != kExceptionExit);
     if (is_cut_off && e.refusal != kNotThumb && e.fast_block != kNowhere) {
-        // The exact processor will repeat the instruction at which the fast processor stopped, and will
-        // report what that instruction does.
+        // Of the two emulated processors, the fast one has stopped at an instruction that it cannot run. The
+        // exact one will run this instruction, and report what it does.
         Block& block = e.blocks[(e.fast_block - e.flash_base) / 2];
         uint32_t stopped_at = 0;
         e.reg_read(e.fast, static_cast<int>(e.pc_register), &stopped_at);
@@ -296,8 +295,8 @@ void run_fast(Execution& e, uint64_t pc) {
     }
     e.context_save(e.fast, e.context);
     e.context_restore(e.exact, e.context);
-    // A saved context contains pointers into the processor that it came from, so the fast processor gets its
-    // own context back.
+    // A saved context has pointers into the Unicorn instance that it came from. So far the fast processor had
+    // a context of the exact one; now it gets its own context back.
     e.context_restore(e.fast, e.fresh);
     if (code_bytes) {
         e.mem_read(e.exact, e.code_begin, code_now, code_bytes);

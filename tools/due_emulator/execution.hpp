@@ -29,13 +29,14 @@ struct QuickReads {
     QuickRegister registers[16];
 };
 
-// Facts about a block of code in flash. They are stored in a table with one entry for each halfword of flash,
-// at the entry of the halfword where the block begins.
+// Facts about a block of code in flash. They are stored in a table that has one entry for each halfword of
+// flash. A block uses the entry of its first halfword.
 struct Block {
     uint16_t bytes;
     uint16_t instructions;
-    // Bit i is 1 if the block needs a multiple of 4 in register i, as the address of an aligned access. If
-    // the register holds no multiple of 4, the exact processor, which checks each access, runs the block.
+    // Bit i is 1 if register i must hold a multiple of 4 when the block begins, because an address is
+    // computed from it. If it holds another value, the block runs on the exact processor (the Unicorn
+    // instance that checks each instruction).
     uint16_t aligned;
     uint8_t needs_exact;
 };
@@ -70,7 +71,7 @@ struct Execution {
     uint64_t may_be_quick;
     uint64_t calm;
     uint64_t go_fast;
-    uint64_t breakpoint;  // Python's on_limit is called before the instruction at this address
+    uint64_t breakpoint;  // on_limit is called before the instruction at this address runs
     uint64_t fast_block;
     uint64_t code_begin;
     uint64_t code_end;
@@ -79,7 +80,7 @@ struct Execution {
     uint64_t recent_values[kPollPcs];
     uint64_t recent_changes[kPollPcs];
     uint64_t recent_registers[kPollPcs];
-    // number of reads that gave another value than the previous read by the same instruction
+    // how often a read of a peripheral gave another value than the same instruction's read before it
     uint64_t changes;
     int32_t registers[kNumbers];
     uint64_t access_cycles;

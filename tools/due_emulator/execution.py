@@ -35,25 +35,27 @@ ACCESS_CYCLES = 4
 varies; the value here is a round number.
 """
 WAITING_INSTRUCTIONS = 200
-"""Largest number of instructions in a slice while an interrupt waits because its priority is too low; 2.4 us
-at 84 MHz.
+"""Largest number of instructions in a slice while an interrupt waits because its priority is too low. They
+take 2.4 us at 84 MHz.
 
-Slices are short then, because any instruction may lower the barrier (the register BASEPRI) so that the
-interrupt is handled, and Unicorn does not report this change.
+The register BASEPRI holds such interrupts back. Any instruction may change it, and Unicorn does not report
+this. So slices are short then, and BASEPRI is checked after each slice.
 """
 POLL_PCS = 8
 POLL_NEAR_PS = 25_000_000
 POLL_STEP_PS = 10_000_000
-"""Constants of the rules for polls: reads by which the program waits, so that time may be skipped.
+"""Constants of the rules for polls. A poll is a read by which the program only waits, so time may be skipped.
 
-A read is a poll if the same instruction made one of the last few reads, if it read the same value then, and
-if nothing was written since. After a poll, time jumps to the next event if the event is near, within about
-the time of a byte on a wire. Otherwise time advances by 10 us. Waiting is therefore cheap to emulate, and no
-event on a wire is delayed.
+A read is a poll if the same instruction has read the same value shortly before, and if nothing was written in
+between. The reads of up to POLL_PCS instructions are remembered for this.
 
-A read in a loop that counts its iterations is no poll, because each count would then stand for more time.
-Such a loop is recognised because its registers change between iterations, although no value that was read
-changed.
+After a poll, time jumps to the next event if this is at most POLL_NEAR_PS away (about the time of a byte on a
+wire). Otherwise time advances by POLL_STEP_PS. Waiting is therefore cheap to emulate, and no event on a wire
+is delayed.
+
+Some loops count their iterations, for example to give up after 1000. Their reads are no polls: if time were
+skipped, 1000 iterations would last too long. Such a loop is recognised because a register changes in each
+iteration, although all reads give the same values.
 """
 NUMBERS = 16
 MOST_AT_ONCE = 8
@@ -100,8 +102,8 @@ UNICORN = ("mem_read", "emu_start", "emu_stop", "reg_read", "context_save", "con
 class Block(ctypes.Structure):
     """Facts about a block of code.
 
-    They are stored in a table with one entry for each halfword of flash, at the entry of the halfword where
-    the block begins.
+    They are stored in a table that has one entry for each halfword of flash. A block uses the entry of its
+    first halfword.
     """
 
     _fields_ = (
@@ -130,21 +132,32 @@ def _pointers(names: str) -> list[tuple[str, type]]:
 class Execution(ctypes.Structure):
     """A slice of execution: its progress, its end, and the callbacks for accesses and events.
 
-    `done`: number of instructions that began in this slice. `limit`: the slice ends before the next
-    instruction once `done` reaches it. `address`: address of the instruction that began last. `slice_ps`:
-    moment when the slice began. `hz`: frequency of the processor's clock. `until_ps`, `longest`: latest end
-    of the slice [ps] and largest number of instructions in it.
+    Progress:
+        `done`: number of instructions that began in this slice.
+        `limit`: once `done` reaches it, the slice ends before the next instruction.
+        `address`: address of the instruction that began last.
+        `slice_ps`: moment when the slice began. `until_ps`: its latest end [ps].
+        `longest`: largest number of instructions in the slice.
+        `hz`: frequency of the processor's clock.
 
-    The callbacks keep these up to date: `next_event_ps`: time of the next event; `halted_until_ps`: no
-    instruction runs before this time; `waiting`: an interrupt is pending; `stops`: the next instruction may
-    not run in this slice; `dead`: an error has to be raised; `dropped`: a reset came before the access.
+    State of the machine, which the callbacks keep up to date:
+        `next_event_ps`: time of the next event.
+        `halted_until_ps`: no instruction runs before this time.
+        `waiting`: an interrupt is pending.
+        `stops`: the next instruction may not run in this slice.
+        `dead`: an error has to be raised.
+        `dropped`: an access was not made, because a reset came first.
 
-    `interrupt`: number of the exception that ended the slice, or NO_INTERRUPT. `refusal`: index in REFUSALS
-    of the reason that ended the slice before an instruction; `refused_value`: value of the register that
-    caused it; `traps_division`: division by 0 is refused. `breakpoint`: on_limit is called before the
-    instruction at this address, or NOWHERE. `may_be_fast`: whether Unicorn may run whole blocks of code where
-    nothing needs to stop between two instructions. `may_be_quick`: whether C++ may read registers without
-    Python. Neither changes the results.
+    Reasons to end the slice:
+        `interrupt`: number of the exception that ended it, or NO_INTERRUPT.
+        `refusal`: index in REFUSALS of the reason why an instruction was refused, or 0.
+        `refused_value`: value of the register because of which it was refused.
+        `traps_division`: whether a division by 0 is refused.
+        `breakpoint`: on_limit is called before the instruction at this address; or NOWHERE.
+
+    Permissions, which save time and do not change the results:
+        `may_be_fast`: Unicorn may run whole blocks of code if nothing has to stop within them.
+        `may_be_quick`: C++ may read registers of peripherals without Python.
     """
 
     _fields_ = (
@@ -254,7 +267,7 @@ class Execution(ctypes.Structure):
             )
 
     def _hook(self, uc: unicorn.Uc, kind: int, function: ctypes._CFuncPtr) -> None:
-        # Unicorn's own hook_add takes only Python functions.
+        # Unicorn's Python method hook_add takes only Python functions, so its C function is called directly.
         handle, everywhere = ctypes.c_size_t(), (ctypes.c_uint64(1), ctypes.c_uint64(0))
         place = ctypes.addressof(self)
         _check(
@@ -273,7 +286,10 @@ class Execution(ctypes.Structure):
         self.dropped = self.refusal = 0
 
     def begin_again(self, slice_ps: int) -> None:
-        """Turn the rest of the present slice (run of instructions) into a new one, staying in native code."""
+        """Begin a new slice at the time `slice_ps`: set the count of instructions to 0.
+
+        If native code is running, it goes on.
+        """
         self.done, self.slice_ps, self.charged_ps = 0, slice_ps, 0
 
     def run(self, pc: int) -> int:
@@ -298,8 +314,9 @@ class Execution(ctypes.Structure):
     def heed_psr(self) -> None:
         """Make the processor notice that its status register XPSR was set.
 
-        Unicorn stores separately whether a handler runs, and recognises a return from an exception by this
-        stored state. Unicorn updates this stored state only when the register CPSR is set.
+        Unicorn has a separate note of whether an exception handler runs. Without the right note it does not
+        recognise the handler's return. It updates the note only when CPSR is set, so set CPSR to its own
+        value.
         """
         uclib.uc_reg_read(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
         uclib.uc_reg_write(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)

@@ -18,8 +18,8 @@ from tools.due_emulator.bridge import seconds_to_ps
 LONGEST_S = 1e6
 """Longest accepted time [s]; longer times are probably mistakes."""
 NAMES = {"at_s": "at", "for_s": "for"}
-"""Some fields of a fault have another name in the fault's text than in the class: that name for each such
-field.
+"""Fields that have another name in a fault's text than in its class: the name in the text, by the name in the
+class.
 """
 
 Time = Annotated[float, msgspec.Meta(ge=0, le=LONGEST_S)]

@@ -25,9 +25,9 @@ The vendor's header sam3x8e.h (CHIP_FREQ_FWS_0 to 3) has 22.5, 34, 53 and 78 MHz
 BOOT_FROM_FLASH = 0b010
 """GPNVM bit 1. If it is not set, the chip starts the program in ROM (SAM3X datasheet, 11.2)."""
 DESCRIPTOR = (0x000F_0950, BANK_BYTES, 256, 1, BANK_BYTES, 16, *[BANK_BYTES // 16] * 16)
-"""Words by which the flash describes itself: FL_ID, its identifier (this value was not checked in a
-document), size, page size, number of planes, size of the plane, number of lock regions, size of each region
-[bytes].
+"""Words by which the flash describes itself, in this order: its identifier FL_ID (not checked in a document),
+its size, size of a page, number of planes, size of the plane, number of lock regions, and for each region its
+size. All sizes are in bytes.
 """
 
 

@@ -37,10 +37,11 @@ class Profile:
     """Counts instructions by function and by phase within a `with` block. This makes the emulation slower.
 
     `functions`: names by address. A function extends to the next one; if code runs into the next function
-    without a jump, its instructions count for the first function until the next jump. `phases`: names of
-    functions. A phase lasts from a call of its function to the return. Instructions of interrupts, and of
-    other phases that the function calls, do not count for it. A function cannot be a phase if the compiler
-    has inlined it.
+    without a jump, its instructions count for the first function until the next jump.
+
+    `phases`: names of functions. A phase lasts from a call of its function to the return. Interrupt handlers
+    that run meanwhile do not count for it, nor does another phase that the function calls. A function that
+    the compiler has inlined cannot be a phase.
 
     Raises:
         ValueError: the program has no function with a phase's name.
@@ -60,8 +61,8 @@ class Profile:
         self._names = [functions[address] for address in self._begins]
         self._phases = {address: name for address, name in functions.items() if name in phases}
         self._calls: dict[int, list[tuple[str, int]]] = {}
-        """The phases that are running (functions whose calls have not returned), by the number of active
-        exceptions. Each phase has the return address of its call; the innermost phase is last.
+        """For each number of nested exceptions (0: none): the phases that were called at that depth and have
+        not returned, with name and return address. The innermost phase is last.
         """
         self._function = ELSEWHERE
         self._phase: str | None = None
@@ -84,8 +85,8 @@ class Profile:
             running.pop()
         if address in self._phases:
             call = (self._phases[address], self._cpu.return_address)
-            # This method may be called twice at one call of a function: the function's first block begins
-            # again if it was interrupted before its first instruction, or if it is the body of a loop.
+            # A function's first block may begin several times in one call of the function: an interrupt came
+            # before its first instruction, or the block is the body of a loop. This counts as one call.
             if running[-1:] != [call]:
                 running.append(call)
                 self.calls[call[0]] += 1

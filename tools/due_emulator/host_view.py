@@ -16,11 +16,12 @@ from tools.due_emulator.machine import PS_PER_S, PS_PER_US
 from tools.due_emulator.reset_controller import ResetType
 
 CHUNK_BYTES = 64
-"""Largest number of received bytes that wait to be decoded. So many are decoded even if no frame has ended.
+"""Largest number of received bytes that wait to be decoded. They are decoded when a frame ends, or at the
+latest when there are so many.
 """
 MAX_GAP = 1 << 30
-"""Longest gap, in lost samples, after which the decoder does not begin a new epoch (a new numbering of
-samples). It is so large that no gap begins one, and the samples of every gap are counted as lost.
+"""Limit for gaps, in lost samples: after a longer gap, the decoder would begin a new epoch (a new numbering
+of samples). No gap reaches this limit, so the samples of every gap are counted as lost.
 """
 
 
@@ -29,7 +30,8 @@ class ToldByBoard:
 
     `hello`: the newest HELLO. `hello_count`: number of HELLOs received. `boot_count`: number of boots that
     sent one. `statuses`: the last STATUS message of each boot that sent one. `faults`: name of the fault
-    code, and detail, of each FAULT message. `fault_texts`: the same with its time, for people.
+    code, and detail, of each FAULT message. `fault_texts`: for each FAULT message, a text for people with
+    name, detail and time.
     """
 
     def __init__(self) -> None:
@@ -67,8 +69,8 @@ class ToldByBoard:
 class Steps:
     """The steps of the device's time from one sample to the next.
 
-    `min_us`, `max_us`: the shortest and the longest step over which no sample was lost [µs]; None before
-    there is one.
+    `min_us`, `max_us`: the shortest and the longest step over which no sample was lost [µs]; None until there
+    is such a step.
     """
 
     def __init__(self) -> None:
@@ -76,12 +78,12 @@ class Steps:
         self.max_us: int | None = None
         self._count = self._total_us = 0
         self._last: tuple[int, int] | None = None
-        """Sequence number and device time of the last sample. Both go on growing where the numbers in the
-        messages wrap.
+        """Sequence number and device time of the last sample. The numbers in the messages wrap around to 0;
+        these two do not.
         """
 
     def add(self, seq: int, device_us: int, missing: int, *, new_epoch: bool) -> None:
-        """Take a sample before which `missing` samples were lost. A new epoch begins without a step."""
+        """Take a sample before which `missing` samples were lost. No step leads to the first of an epoch."""
         if not new_epoch and self._last is not None:
             step_us = device_us - self._last[1]
             self._count += seq - self._last[0]

@@ -54,7 +54,9 @@ class I2cLines:
         STOP.
         """
         self.recovery_clocks = 0
-        """Total number of rising edges of SCL."""
+        """Total number of rising edges of SCL. The controller TWI makes none on these wires, so these are
+        pulses that the program makes itself, mostly to free a stuck bus.
+        """
         self._phase = Phase.IDLE
         self._bits = 0
         self._shift = 0
@@ -68,8 +70,8 @@ class I2cLines:
     def take(self, controller: str) -> None:
         """Let a controller begin a transfer.
 
-        The run ends with an error if the program has clocked the wires itself before and has not ended with a
-        STOP.
+        The run ends with an error if the program itself has made pulses on SCL (bit-banging) and no STOP
+        after them.
         """
         if self.clocks_without_stop:
             self.machine.fault(
@@ -97,11 +99,11 @@ class I2cLines:
             self.socket.stop()
 
     def cut_off(self, sending: bool, byte: int, bits: int) -> None:
-        """Set the wires' state after a controller has stopped within a byte and has left SCL high.
+        """Set the wires' state after a controller has stopped in the middle of a byte and has left SCL high.
 
-        `bits` (0 to 7): number of the byte's bits that were transferred completely before.
+        `bits` (0 to 7): number of the byte's bits that were complete when the controller stopped.
 
-        A sensor that was sending holds SDA low as long as its present bit is a 0.
+        If the sensor was sending the byte, and the bit after these is a 0, the sensor holds SDA low.
         """
         if self.socket is None or not self.socket.chip.powered:
             return

@@ -49,7 +49,8 @@ _WRITABLE = {
 modelled.
 """
 _SOURCES = ((0x10, 0, 6), (0x02, 6, 8), (0x04, 8, 10), (0x08, 10, 12))
-"""For each source of data in the FIFO: its bit in the register FIFO_EN_2, and its slice of the output bytes.
+"""For each source of data in the FIFO: its bit in the register FIFO_EN_2, and begin and end of its bytes
+among the output bytes, as in a Python slice.
 """
 
 

@@ -27,7 +27,7 @@ class Boot:
 
     `ended_ps`: moment of the next reset, or of the end of the run. `first_ps`: moment of the first read of
     the sensor. `heard`: numbers of the first and the last sample that the host could use. `bursts`: the reads
-    of the sensor, stored only by users of this class that need them.
+    of the sensor; empty unless the user of this class appends them.
     """
 
     cause: ResetType

@@ -39,7 +39,9 @@ class Alarm:
     def __init__(self, machine: "Machine", action: Callable[[], None]) -> None:
         self._machine, self.action = machine, action
         self.number = 0
-        """Serial number of the call of `set` that is in effect; 0 if none is."""
+        """Serial number of the latest call of `set`; 0 if the action has happened or was cancelled, or `set`
+        was not called.
+        """
 
     @property
     def is_set(self) -> bool:
@@ -47,7 +49,7 @@ class Alarm:
         return self.number != 0
 
     def set(self, delay_ps: int, *, quiet: bool = False) -> None:
-        """Let the action happen in `delay_ps`. `quiet`: the program need not be stopped for the action."""
+        """Let the action happen in `delay_ps`. `quiet`: the program is not stopped for it (see `Machine`)."""
         self.number = self._machine.note(delay_ps, self, quiet)
 
     def cancel(self) -> None:
@@ -59,9 +61,11 @@ class Alarm:
 class Machine:
     """Virtual time in picoseconds, the master clock, interrupt requests and the clocks of peripherals.
 
-    Events at the same moment happen in the order in which they were scheduled, so two runs are equal. A quiet
-    event also happens at its own time, but the program may have run beyond that time: up to its next access
-    to a peripheral, or to the next event that is not quiet.
+    Events at the same moment happen in the order in which they were scheduled, so two runs are equal.
+
+    The program is not stopped for a quiet event. When the event is processed, the program may already have
+    run further: up to its next access to a peripheral, or to the next event that is not quiet. Even so,
+    `now_ps` is the event's own time while its action runs.
     """
 
     def __init__(self) -> None:
@@ -69,7 +73,7 @@ class Machine:
         self.clocked = 0
         """Bit i: the clock of the peripheral with identifier i is on (PMC_PCSR0, PMC_PCSR1)."""
         self.quick_reads = QuickReads()
-        """Registers whose values a program reads without calling their peripheral."""
+        """Registers that `execution.cpp` can read without calling the peripheral's Python code."""
         self.on_irq: Callable[[int, bool], None] = lambda irq, level: None
         """Function that receives changes of interrupt requests; the board sets it to a function of the NVIC.
         """

@@ -219,7 +219,7 @@ class Mpu9250(Chip):
     # Reset
 
     def _restore(self) -> None:
-        """Restore reset values, and restart the clock if these values let it run."""
+        """Restore reset values. Restart the sampling clock, unless the chip sleeps with these values."""
         self._ready_at_ns, self._quiet_until_ns, self._resetting = None, 0, False
         self._registers = bytearray(128)
         for register, value in self.variant.reset.items():
@@ -256,7 +256,7 @@ class Mpu9250(Chip):
             self._update(at_ns)
 
     def _skip_updates(self) -> None:
-        """Perform the last one of the updates of the output registers that were skipped.
+        """Make up for skipped updates of the output registers: perform only the last of them.
 
         Updates are skipped while neither the FIFO nor an interrupt needs them.
         """
@@ -296,7 +296,7 @@ class Mpu9250(Chip):
         return overflow
 
     def _refresh_output(self) -> None:
-        """Store the motion at the time of the last update, as counts, in the internal output registers."""
+        """Compute the contents of the internal output registers at the time of their last update."""
         if self._output_ns != self._last_update_ns:
             self._output_ns = self._last_update_ns
             self._output = self._measure(self._motion(self._output_ns))

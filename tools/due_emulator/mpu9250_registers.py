@@ -38,8 +38,8 @@ USER_FIFO_EN, I2C_IF_DIS, FIFO_RST = 0x40, 0x10, 0x04
 H_RESET, SLEEP, CLKSEL, CLKSEL_STOP = 0x80, 0x40, 0x07, 0x07
 
 FIFO_SOURCES = ((0x08, 0, 6), (0x80, 6, 8), (0x40, 8, 10), (0x20, 10, 12), (0x10, 12, 14))
-"""For each source of data in the FIFO: its bit in FIFO_EN (register 35) and its slice of the 14 output bytes,
-in the order of register numbers.
+"""For each source of data in the FIFO: its bit in FIFO_EN (register 35), and begin and end of its bytes among
+the 14 output bytes, as in a Python slice. The order is that of the register numbers.
 """
 
 # Writable bits of each register. Registers that are absent here are read-only or reserved.
@@ -71,9 +71,10 @@ class Variant(NamedTuple):
     """Differences between the chips of the family.
 
     `reset`: registers that are not 0 after a reset. `has_fchoice`: bits of GYRO_CONFIG can select a rate of
-    32 kHz. On chips without these bits, the divider SMPLRT_DIV also divides the rate of 8 kHz.
-    `fifo_reset_needs_off`: FIFO_RST works only while FIFO_EN in USER_CTRL is 0. `fifo_bytes`: capacity of the
-    FIFO (product specification of the MPU-9250, 4.17, and of the MPU-6000, 7.17).
+    32 kHz. The divider SMPLRT_DIV leaves the rates of 32 kHz and 8 kHz as they are; if `has_fchoice` is
+    False, it divides the 8 kHz. `fifo_reset_needs_off`: FIFO_RST works only while FIFO_EN in USER_CTRL is 0.
+    `fifo_bytes`: capacity of the FIFO (product specification of the MPU-9250, 4.17, and of the MPU-6000,
+    7.17).
     """
 
     who_am_i: int

@@ -27,8 +27,8 @@ specification, 3.2).
 """
 ACCEL_PERIOD_NS = 1_000_000
 ACCEL_ROWS = 4099
-"""Number of rows of accelerometer noise. After the last row the noise begins again. The number is a prime, so
-that no sampling rate matches this repetition.
+"""Number of rows of accelerometer noise, one per ms. After the last row the noise begins again. The number is
+a prime: a program that samples every 10 ms reads all rows once before its values repeat.
 """
 CELSIUS = 25.0
 NS_PER_S = 1_000_000_000
@@ -82,8 +82,8 @@ class Constant:
 class Stepped:
     """A resting sensor whose rate takes the values of `next_rate`, one per period.
 
-    The accelerometer measures 1 g along z, plus white noise that changes every ms. Without this noise, two
-    conversions would often give equal values. Equal seeds give equal motions.
+    The accelerometer measures 1 g along z, plus white noise that changes every ms, so that two measurements
+    seldom give equal values. Equal seeds give equal motions.
     """
 
     def __init__(self, rate_hz: float, seed: int) -> None:
@@ -99,7 +99,7 @@ class Stepped:
         """Return the motion at a time.
 
         Raises:
-        ValueError: the time is before that of the value that was last returned.
+            ValueError: the time lies before the period of the rate that the last call returned.
         """
         k = (2 * now_ns + self._period_ns) // (2 * self._period_ns)
         if k < self._k:

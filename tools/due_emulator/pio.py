@@ -154,9 +154,8 @@ class Pio(Peripheral):
     def _is_event(self, bit: int, level: bool) -> bool:
         """Return whether an edge at a pin is an event, which sets a bit of ISR (SAM3X datasheet, 31.5.10).
 
-        Any edge is an event, unless the pin's additional mode selects one direction.
-
-        If the mode selects a level, the edge to that level is the event.
+        Any edge is an event, unless the pin's bit in AIMMR is set. Then only edges to one level are events:
+        to the level of the pin's bit in FRLHSR.
         """
         if not self.registers["AIMMR"] >> bit & 1:
             return True

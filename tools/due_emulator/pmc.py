@@ -18,12 +18,12 @@ start-up times differ from board to board.
 """
 MCK_MAX_HZ = 84_000_000
 PLLA_OUTPUT_HZ = (96_000_000, 192_000_000)
-"""Allowed range of the PLL's output (SAM3X datasheet, 45.5, quoted from other texts than the datasheet)."""
+"""Allowed range of the PLL's output (SAM3X datasheet, 45.5, as other texts quote it)."""
 UPLL_HZ = 480_000_000
 KEY, WP_KEY = 0x37, 0x50_4D43
 CLOCKED_IDS = (1 << 45) - (1 << 8)
-"""Bits of the peripherals whose clock can be switched: identifiers 8 to 44 (SAM3X datasheet, 9.1, quoted from
-other texts than the datasheet).
+"""Bits of the peripherals whose clock can be switched: identifiers 8 to 44 (SAM3X datasheet, 9.1, as other
+texts quote it).
 """
 CSS_SLOW, CSS_MAIN, CSS_PLLA, CSS_UPLL = range(4)
 MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3, 6, 16, 17))

@@ -13,9 +13,11 @@ NONE, WORD, COUNTER = range(3)
 class QuickRegister(ctypes.Structure):
     """A register of one of two kinds: it has a fixed value, or it counts the cycles of a clock.
 
-    If the value is fixed, it is `_value`. If one of the bits `_cleared` is set in this value, a read would
-    clear these bits, so Python performs the read. If the register counts, its value at the time `_from_ps` is
-    `_from_cycles`. It then grows with the frequency `_hz` / `_divider`. The count is taken modulo `_period`.
+    A fixed value is in `_value`. A read clears the bits `_cleared` of the register. While one of them is set,
+    Python performs the read.
+
+    A counter has the value `_from_cycles` at the time `_from_ps`. It grows with the frequency `_hz` /
+    `_divider`, and begins at 0 again when it reaches `_period`.
     """
 
     _fields_ = tuple(
@@ -31,7 +33,10 @@ class QuickRegister(ctypes.Structure):
         self._value, self._cleared, self._kind = value, cleared, WORD
 
     def count(self, from_ps: int, from_cycles: int, rate_hz: tuple[int, int], period: int) -> None:
-        """Make the register count modulo `period`. At the time `from_ps` its value is `from_cycles`."""
+        """Let the register count with the frequency `rate_hz` (numerator, denominator).
+
+        Its value is `from_cycles` at the time `from_ps`. When it reaches `period`, it begins at 0 again.
+        """
         self._from_ps, self._from_cycles, self._period = from_ps, from_cycles, period
         self._hz, self._divider = rate_hz
         self._kind = COUNTER

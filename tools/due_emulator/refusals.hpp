@@ -55,15 +55,15 @@ inline Need need_of_several(uint16_t h1, uint16_t h2) {
     }
 }
 
-// The condition under which an instruction is refused. `h1`, `h2`: its halfwords; only a wide instruction has
-// a second one.
+// Returns why an instruction may be refused, and on which register's value this depends. `h1`, `h2`: the
+// instruction's two halfwords; `h2` has no meaning if the instruction has only one.
 inline Need need_of(uint16_t h1, uint16_t h2) {
     if (!is_wide(h1)) return need_of_narrow(h1);
     if (h1 >> 9 == 0x74) return need_of_several(h1, h2);
     const unsigned high = h1 >> 4;
-    // These instructions exist only in processors with the DSP extension: SXTAH to UXTAB (extensions with an
-    // addition), SSAT16 and USAT16, and multiplications of halfwords, of several values at once, or that
-    // return only the upper half of the product.
+    // The Cortex-M3 lacks the instructions of the DSP extension: SXTAH, UXTAB and their like, which extend a
+    // byte or halfword and add; SSAT16 and USAT16; and multiplications of halfwords, of several values at
+    // once, or with only the upper half of the product as the result.
     if (high >= 0xFA0 && high <= 0xFA5 && (h2 & 0xF080) == 0xF080 && (h1 & 15) != kPc) return {kNotOfM3, 0};
     if ((high == 0xF32 || high == 0xF3A) && !(h2 & 0xF0C0)) return {kNotOfM3, 0};
     if (high > 0xFB0 && high < 0xFB8) return {kNotOfM3, 0};
@@ -72,8 +72,9 @@ inline Need need_of(uint16_t h1, uint16_t h2) {
     return {kNotRefused, 0};
 }
 
-// Tracks the registers through a block of code. For each register it knows whether the value is a multiple of
-// 4, or differs by a multiple of 4 from the value that some register had at the beginning of the block.
+// Tracks the registers through a block of code. Of each register, one of three things is known. Its value is
+// a multiple of 4; or it is the value that a certain register had at the beginning of the block, plus or
+// minus a multiple of 4; or nothing is known.
 class AddressNeeds {
   public:
     AddressNeeds(const uint8_t* flash, uint64_t base, uint64_t bytes)
@@ -96,15 +97,16 @@ class AddressNeeds {
 
     // Bit i is 1 if register i must hold a multiple of 4 at the beginning of the block.
     uint16_t aligned() const { return aligned_; }
-    // Whether it cannot be decided at the block's beginning if all its instructions will be accepted. This is
-    // so if an address may come from something else than a register's value at the beginning, or if the block
-    // has an instruction that a Cortex-M3 does not know.
+    // Whether the registers' values at the block's beginning do not suffice to say if all its instructions
+    // will be accepted. This is so if an address may come from something else than these values, or if the
+    // block has an instruction that a Cortex-M3 does not know.
     bool unknown() const { return unknown_; }
 
   private:
-    // `from_` has an origin for each register: the number of the register from whose value at the block's
-    // beginning it comes, or one of these two. kMultiple: the value is a multiple of 4. It has the number of
-    // PC, since PC as a base address is a multiple of 4.
+    // `from_[i]` says where the value of register i comes from. It is the number of a register: the value is
+    // what that register had at the block's beginning, plus or minus a multiple of 4. Or it is one of two
+    // constants. kMultiple: the value is a multiple of 4. (It is the number of PC, because PC as a base
+    // address is always a multiple of 4.) kElsewhere: nothing is known of the value.
     static constexpr unsigned kMultiple = kPc;
     static constexpr unsigned kElsewhere = 16;
 
@@ -211,8 +213,8 @@ class AddressNeeds {
         }
     }
 
-    // Notes the registers that a load or store of several words changes. A base register that is written back
-    // needs no action, since it changes by a multiple of 4.
+    // Notes which registers a load or store of several words changes. If it changes the base register, it
+    // does so by a multiple of 4, so what is known of the base register stays true.
     void follow_several(uint16_t h1, uint16_t h2) {
         const bool loads = h1 & 0x10;
         if (!(h1 & 0x40)) {
@@ -228,7 +230,8 @@ class AddressNeeds {
     }
 
     // Notes what is known of the result of an instruction that shifts a register by a constant (ARMv7-M,
-    // A5.3.11). The result can be a copy of the register, a multiple of 4, or an address in a table.
+    // A5.3.11). The result can be a copy of the register, a multiple of 4, or another register plus a
+    // multiple of 4, such as the address of an entry in a table.
     void follow_shifted(uint16_t h1, uint16_t h2) {
         const unsigned to = h2 >> 8 & 15u, base = h1 & 15u;
         const unsigned shift = (h2 >> 10 & 0x1Cu) | (h2 >> 6 & 3u);
@@ -254,7 +257,8 @@ class AddressNeeds {
         if (loads) lose(to);
     }
 
-    // Notes the result of ADD, SUB, MOV and similar instructions with a constant (ARMv7-M, A5.3.1, A5.3.3).
+    // Notes what is known of the result of ADD, SUB, MOV or a similar instruction with a constant (ARMv7-M,
+    // A5.3.1, A5.3.3).
     void follow_immediate(uint16_t h1, uint16_t h2, unsigned base, unsigned to) {
         const bool plain = h1 & 0x200;
         const unsigned what = h1 >> 4 & 31u;

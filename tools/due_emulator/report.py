@@ -56,7 +56,7 @@ def make_report(
 
 
 def _heard(host: HostView) -> dict[str, Any]:
-    """Return how the host judges the samples that arrived."""
+    """Return figures of the samples: how many were due, delivered and lost, their rate and their flags."""
     counts, due, steps = host.counts, host.due, host.steps
     heard = sum(last - first + 1 for first, last in (boot.heard for boot in host.boots if boot.heard))
     return {

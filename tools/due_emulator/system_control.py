@@ -88,9 +88,9 @@ class SystemControl:
         return address - BASE - 0x400 + FIRST_IRQ if address < BASE + 0xD00 else address - BASE - 0xD18 + 4
 
     def _priority_bytes(self, address: int, size: int) -> bytes | None:
-        """Return the interrupt priorities at an address; None if other registers are at the address.
+        """Return the interrupt priorities from an address on; None if the address is not one of a priority.
 
-        Only these registers may be accessed by single bytes.
+        Only priorities may be accessed by single bytes.
         """
         offset = address - BASE
         if 0xD18 <= offset < 0xD24 or 0x400 <= offset < 0x400 + IRQS // 4 * 4 + 4:

@@ -11,8 +11,8 @@ CLKSOURCE = 1 << 2
 COUNTFLAG = 1 << 16
 SLOW_DIVIDER = 8
 CALIB_10MS_AT_84MHZ = 10_500
-"""SysTick's calibration value on this chip: 1 ms at 10.5 MHz (SAM3X datasheet, 10.22; not checked on a
-board).
+"""SysTick's calibration value on this chip: the count for 1 ms at 10.5 MHz, an eighth of 84 MHz (SAM3X
+datasheet, 10.22; not checked on a board). The architecture's name for it, TENMS, speaks of 10 ms.
 """
 
 

@@ -28,8 +28,9 @@ PDC_ENABLES = 0x101
 IDLE_LINE = 0xFF
 
 LAST_BIT = 7.5
-"""Position in a received byte [bits] at which the controller holds SCL while the receive register is full.
-After the program has read this register, half a bit is left in which the program can request STOP.
+"""Position in a received byte [bits] at which the controller stops the bus clock if the receive register
+still has the byte before. Once the program has read that byte, 1.5 bits follow. STOP must be requested 1 bit
+before the end, so the program has half a bit of time for it.
 """
 BYTE_BITS = 9
 
@@ -61,8 +62,8 @@ class Twi(Peripheral):
         """Total time for which transfers have held the bus [ps]."""
         self.transfers = 0
         self.stale_reads = 0
-        """Number of reads, from the next one on, after which an extra byte stays in the receive register, as
-        if STOP had been requested too late.
+        """Each of this many coming reads leaves an extra byte in the receive register, as if the program had
+        requested STOP too late.
         """
         self._quick_status = machine.quick_reads.add(
             self.table.base + self.table.registers["SR"].offset, self.clock_id("SR")
@@ -116,8 +117,8 @@ class Twi(Peripheral):
     def on_read(self, register: str) -> int:
         """Read a register. A read of the status register clears its events.
 
-        While the receive register RHR is full, the controller holds the clock in the last bit of the next
-        byte. A read of RHR lets this byte end.
+        While the receive register RHR is full, the controller stops the bus clock in the last bit of the next
+        byte. After the program has read RHR, the rest of this byte follows.
         """
         value = self.registers[register]
         if register == "SR":
@@ -252,7 +253,7 @@ class Twi(Peripheral):
             end_ps = max(end_ps, machine.now_ps + rest_ps)
             self._on_line = (True, byte, end_ps - self._ps(BYTE_BITS))
             yield (end_ps - machine.now_ps) / self._bit_ps
-            # Meanwhile a device has held SCL low, which delays the byte's end.
+            # If a device has held SCL low during this wait, the byte ends later.
             while machine.now_ps > end_ps:
                 end_ps = machine.now_ps + rest_ps
                 yield BYTE_BITS - LAST_BIT
@@ -264,10 +265,10 @@ class Twi(Peripheral):
         yield from self._close()
 
     def _anticipate(self) -> Transfer:
-        """After the program has read the last byte, receive the idle level of the bus as one more byte.
+        """After the program has read the last byte, receive one byte more: 0xFF, as the idle bus is high.
 
-        The real controller can receive such a byte, too. This is why the Linux driver empties the receive
-        register.
+        The real controller can receive such an extra byte, too. The Linux driver empties the receive register
+        for this reason.
         """
         while self.registers["SR"] & RXRDY:
             yield None
@@ -329,9 +330,8 @@ class Twi(Peripheral):
             bits = next(self._transfer)
         except StopIteration:
             return
-        # There are two waits that an access of the program ends at once. In the last bit of a byte
-        # (LAST_BIT), the controller holds the clock while the receive register is full. With None, it waits
-        # until the program acts.
+        # An access of the program can end two kinds of waits. LAST_BIT: the receive register is full; the
+        # wait ends early if the program reads that register. None: the wait ends only when the program acts.
         self._waiting = bits in (None, LAST_BIT)
         if bits is not None:
             self._alarm.set(self._ps(bits))

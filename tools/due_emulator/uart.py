@@ -83,8 +83,9 @@ class Transmitter(Peripheral):
                 self._control_pdc(value)
             case "TCR" | "TNCR":
                 if register == "TNCR" and value and not r["TCR"]:
-                    # TCR and TNCR are the lengths of the present block and of the next. The datasheet does
-                    # not say whether the next block starts immediately if TCR is 0 when TNCR is written.
+                    # TCR and TNCR are the lengths of the present block and of the next. If TNCR is written
+                    # while TCR is 0, the datasheet does not say whether the next block starts. So no program
+                    # may rely on it.
                     self.machine.fault(f"{self.name}_TNCR is written while TCR is 0: write TPR and TCR first")
                 r[register] = value & 0xFFFF
                 if r[register]:
@@ -147,7 +148,10 @@ class Transmitter(Peripheral):
         self._settle()
 
     def _await_end(self) -> None:
-        """Set alarms for the end of this byte, and for the end of the next byte that changes a flag."""
+        """Set alarms for the end of this byte, and for the next end of a byte that changes a status flag.
+
+        Within a block that the DMA controller (PDC) sends, most bytes end without such a change.
+        """
         left_ps, more = self._end_ps - self.machine.now_ps, 0
         if self._is_amid_a_block():
             self._quiet_alarm.set(left_ps, quiet=True)
@@ -200,7 +204,10 @@ class Transmitter(Peripheral):
             self._feed()
 
     def _is_amid_a_block(self) -> bool:
-        """Return whether this byte's end sets no flag, since the DMA controller's block has more bytes."""
+        """Return whether the DMA controller (PDC) has at least two more bytes of its block to send.
+
+        The end of the byte on the wire then changes no status flag.
+        """
         r = self.registers
         return self._holding is not None and self._enabled and r["TCR"] > 1 and r["PTSR"] & PDC_TXTEN != 0
 

@@ -72,8 +72,8 @@ class Watchdog(Peripheral):
             self._fail(WDERR)
         else:
             self._fed_ps = self._clock_ps()
-            # If an alarm is set already, it goes off too early now. `_look` then sets it again for the
-            # remaining time.
+            # An alarm that is already set is left as it is. It goes off too early now; `_look` then sets it
+            # again for the remaining time.
             if not self._alarm.is_set:
                 self._wait()
 
