@@ -1,6 +1,6 @@
 // A libFuzzer test of the host's decoder. The first byte of an input is the seed for the sizes of the chunks,
-// and the rest is the stream of bytes. The results must be those of the receiver that the tests use.
-// `fuzz_decoder --seeds DIR` makes a corpus from the test vectors.
+// and the rest is the stream of bytes. The results must be those of tests/firmware/receiver.h, which was
+// written from protocol/README.md alone. `fuzz_decoder --seeds DIR` makes a corpus from the test vectors.
 #include <cstdio>
 #include <cstdlib>
 

@@ -1,4 +1,4 @@
-// A libFuzzer test of loading saved states: those of running spectra, of trackers, and of lanes of every kind
+// A libFuzzer test of loading saved states: of running spectra, of trackers, and of filters of every kind
 // with their supervisors. The first byte of an input selects the kind of state. Each group of four bytes
 // after it changes one number of a saved state: two bytes are the position, and two the change. If a changed
 // state is accepted, it must be possible to process samples with it, also lost ones, and to save it again.
@@ -130,8 +130,8 @@ void octaves(double memory, const std::uint8_t* data, std::size_t n) {
     });
 }
 
-// Returns a tracker's state after all samples `y`. If `with_system` is true, the tracker then changes to a
-// state-space model with two states, and gets `y` once more.
+// Returns a tracker's state after all samples `y`. If `with_system` is true, the tracker then gets a
+// state-space model with two states as its filter, and the same samples `y` again.
 Numbers tracked(const Numbers& y, bool with_system) {
     track::OneAxis fed;
     for (const double one : y) fed.next(one);
@@ -168,7 +168,7 @@ void tracker(bool with_system, const std::uint8_t* data, std::size_t n) {
 }
 
 void lanes(int kind, const std::uint8_t* data, std::size_t n) {
-    const std::size_t count = 3, rows = 64;  // more rows than the start-up window of 40 has
+    const std::size_t count = 3, rows = 64;  // rows of samples: 40 fill the start-up window, 24 more follow
     const engine::LaneSettings one = {std::log(0.01), 0, 0.01, 0.15, 0.0235, 0.5,  0.06, 0,
                                       0.17,           0, -0.1, 0.06, 0,      0.17, 0,    10};
     const std::vector<engine::LaneSettings> settings(count, one);

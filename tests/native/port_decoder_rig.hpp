@@ -98,7 +98,8 @@ struct Line {
         line.silent(now_ns);
         return all();
     }
-    // Returns the troubles that the decoder reports if no byte comes until `now_ns`.
+    // Returns the troubles (a silent port, unreadable bytes, no HELLO) that the decoder reports if no byte
+    // comes until `now_ns`.
     Words troubles(std::int64_t now_ns) {
         Words found;
         for (const std::string& one : silent(now_ns)) {

@@ -68,8 +68,8 @@ class Holder : public Probe {
             memory_.push(x ? load<T>(x + k * kLanes) : zero, P ? load<T>(P + k * kLanes) : zero);
         }
     }
-    // Computes the memory's sums over past samples: S, the sum of the states, for three orders per lane
-    // (axis) in one call, and V, the sum of the variances, only for the first order.
+    // Computes weighted sums over past samples for each lane (axis): `S`, the sum of the states, for each of
+    // three orders, and `V`, the sum of the variances, for the first order only.
     void evaluate(const double* orders, double* S, double* V) const override {
         T order[3], state[3];
         for (int i = 0; i < 3; ++i) order[i] = load<T>(orders + i * kLanes);
@@ -83,8 +83,8 @@ class Holder : public Probe {
         store(state, S);
         store(variance, V);
     }
-    // Adds n random samples, roughly normal with variance 1, each with a state variance P around 1. The
-    // samples are the same in all lanes (axes).
+    // Adds n random pasts to the memory: a state, roughly normal with variance 1, and the variance of its
+    // error, around 1. They are the same in all lanes (axes).
     void stir(std::size_t n, std::uint64_t seed) override {
         for (std::size_t k = 0; k < n; ++k) {
             double sum = 0;

@@ -35,7 +35,8 @@ void design(Axis* axis, const fltea::whittle::FitFigures& figures) {
 }  // namespace
 
 extern "C" {
-// `ahead`: number of future samples over which the tracker's bias is averaged. 0 stands for the present bias.
+// Makes an axis. Its tracker gives the mean of the bias over the next `ahead` samples, or the present bias if
+// `ahead` is 0.
 Axis* spectrum_make(int ahead) {
     Axis* axis = new Axis;
     axis->ahead = ahead;
@@ -46,9 +47,13 @@ void spectrum_add(Axis* axis, std::size_t n, const std::int16_t* counts) {
     for (std::size_t k = 0; k < n; ++k) axis->octaves.add(counts[k]);
 }
 void spectrum_skip(Axis* axis, std::size_t lost) { axis->octaves.skip(lost); }
-// Writes eleven numbers of the last fit: verdict, α, standard deviation of α, feedback g, variance s2 of a
-// step, variance R of the white noise, 2 log L minus that of white noise, 2 log L minus that of AR(1), number
-// of ordinates, whether α is defined, number of evaluations.
+// Fits the running spectrum, and writes eleven numbers:
+//   verdict; order α; standard deviation of α;
+//   g = h^α f, where h is the sampling period; variance s2 of a step of the noise that drives the order;
+//   variance R of the white noise;
+//   2 log L of the best order up to 1, minus that of white noise;
+//   2 log L of the best order, minus that of a relaxation, AR(1);
+//   number of periodogram values in the fit; whether α is defined; number of evaluations of the likelihood.
 void spectrum_fit(Axis* axis, double* out) {
     axis->bins.begin();
     while (!axis->bins.step(axis->octaves)) {
@@ -70,10 +75,11 @@ void spectrum_fit(Axis* axis, double* out) {
                              static_cast<float>(axis->fit.evaluations())};
     for (float one : numbers) *out++ = static_cast<double>(one);
 }
-// Sets the tracker's filter to that of the last fit, from the next sample on.
+// Replaces the tracker's filter by one for the model of the last fit, from the next sample on.
 void spectrum_retrack(Axis* axis) { design(axis, axis->memory.figures()); }
-// Sets the tracker's filter to that of a given fit. `given` has the verdict, followed by α, g, s2 and R of a
-// fractional order (as in spectrum_fit), or by 1 - φ, variance and R of a relaxation.
+// Replaces the tracker's filter by one for a given model. `given` has the verdict, then α, g, s2 and R of an
+// order (as in spectrum_fit). For a relaxation, AR(1) with the coefficient φ, it has instead 1 - φ, the
+// variance of the relaxation and that of the white noise.
 void spectrum_design(Axis* axis, const double* given) {
     fltea::whittle::FitFigures figures = fltea::whittle::FitFigures();
     figures.verdict = static_cast<fltea::whittle::Verdict>(static_cast<int>(given[0]));
@@ -85,8 +91,8 @@ void spectrum_design(Axis* axis, const double* given) {
 }
 // Processes n samples of `axes`, the axes of one sensor. `counts` has the counts of all axes for the first
 // sample, then for the second, and so on. Writes four numbers for each sample and axis: bias, standard
-// deviation of the bias, state, and standard deviation of the state. They are 0 without a filter. Also writes
-// for each sample whether the sensor moves.
+// deviation of the bias, state, and standard deviation of the state. The four are 0 as long as the tracker
+// has no filter. Also writes for each sample whether the sensor moves.
 void spectrum_track(Axis* const* axes, int n_axes, std::size_t n, const std::int16_t* counts, double* out) {
     const fltea::whittle::SensorMotion::Limits limits = {32.8f, 31, 1875};
     fltea::whittle::SensorMotion& motion = axes[0]->motion;

@@ -27,8 +27,8 @@ std::vector<double> noise(std::size_t n, unsigned long long state = 42) {
     return y;
 }
 
-// The sums for the Allan variance by their definition: blocks of m samples begin every m/8 samples (at least
-// every sample), counted from the beginning of the stretch.
+// The sums for the Allan variance by their definition. A term compares the sums of two neighbouring blocks of
+// m samples. Terms begin every m/8 samples, or at every sample if m is below 16.
 struct Expected {
     double squares, terms;
 };
@@ -138,8 +138,8 @@ TEST_CASE("allan: merged sums that forget count the newest samples of both, what
     more.add(large.data(), large.size());
     const double of_small = sums.points()[0].avar, of_large = more.points()[0].avar;
     sums.merge(more);
-    // The newest difference of each series has the weight 1. Each older difference has exp(-1 / memory) times
-    // the weight of the next one.
+    // Two series are merged. In each series, the newest difference between neighbouring means has the weight
+    // 1. Each older difference has exp(-1 / memory) times the weight of the difference after it.
     const double decay = std::exp(-1 / memory);
     const double weight_small = (1 - std::pow(decay, 899)) / (1 - decay);
     const double weight_large = (1 - std::pow(decay, 3000)) / (1 - decay);

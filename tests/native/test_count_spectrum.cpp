@@ -47,13 +47,13 @@ double mean_of(const double* x, int n) {
     return sum / n;
 }
 
-// The largest differences between the two running spectra. A spectrum consists of levels: each has sums over
-// blocks of samples at half the rate of the level before. `bins`: relative difference of bins of three
-// spectral lines, in levels with eight blocks or more. `lines`: difference of single lines, relative to the
-// line or to a tenth of its level's mean. `whole`: difference between the samples of the slowest level, which
-// keeps its samples instead of sums. Its unit is the standard deviation that noise of the given variance has
-// at that level. Apart from these differences, the numbers of blocks and the stretches of both spectra have
-// to be equal.
+// The largest differences between the two running spectra of a `Pair`: in integers and in floating point.
+// Each level of a spectrum has the sums of one sampling rate; the slowest level keeps its samples instead.
+//   bins: relative difference of the mean of three neighbouring lines, in levels with eight blocks or more
+//   lines: difference of one line, relative to the line, or to a tenth of its level's mean if that is larger
+//   whole: difference of the samples that the slowest level keeps, in standard deviations of noise of the
+//     given variance at that level
+// The numbers of blocks and the stretches of both spectra have to be equal.
 struct Difference {
     double bins, lines, whole;
 };
@@ -237,7 +237,8 @@ TEST_CASE("count spectrum: sums of the largest powers do not overflow in a centu
     CountSums<2> sums;
     const std::int64_t largest = (INT64_C(1) << 58) - 1;
     const std::int64_t power[2] = {largest, largest / 1000};
-    // A century at 1 kHz has 2^35 blocks. In this test, each block stands for a thousand blocks.
+    // A century at 1 kHz has 2^35 blocks, too many for a test. The 20,000 blocks here have the largest
+    // possible power, so the unit of the sums has to be doubled again and again.
     for (int k = 0; k < 20000; ++k) sums.add(power, 6, 0);
     float read[2], blocks, effective;
     sums.read(0, read, &blocks, &effective);
@@ -254,8 +255,8 @@ TEST_CASE("count spectrum: sums of the largest powers do not overflow in a centu
 }
 
 TEST_CASE("count spectrum: what a block has of a unit is not lost when sums are large") {
-    // All spectral lines of the sums share one unit. The power of one line is 0.3 of this unit, because the
-    // power of another line has made the unit large.
+    // The sums of both spectral lines share one unit. The first block's large power of one line makes it
+    // 2^28. Every later block adds 0.3 of this unit to the other line.
     CountSums<2> sums;
     const std::int64_t first[2] = {INT64_C(1) << 57, 0},
                        rest[2] = {0, 3 * (INT64_C(1) << 57) / 10 / (INT64_C(1) << 29)};

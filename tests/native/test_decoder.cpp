@@ -1,7 +1,6 @@
 // Tests of the host's decoder under sanitizers. The decoder gets test vectors that are divided into chunks of
-// any size. It also gets hostile bytes, for which its results are compared with those of the receiver that
-// the tests use. Its CRC is compared with the device's. tests/protocol compares the decoder with the host's
-// Python code.
+// any size. It also gets hostile bytes, for which its results have to be those of tests/firmware/receiver.h.
+// Its CRC is compared with the device's. tests/protocol compares the decoder with the host's Python code.
 #include <doctest/doctest.h>
 
 #include <random>

@@ -115,7 +115,7 @@ TEST_CASE("device: what does not follow is not believed") {
         bool follows;
     } const others[] = {
         {0, 655'360'000, 655'360 * kMs, true},
-        // this sample does not follow directly: it is the last one again
+        // this sample does not follow directly: it has the same number as the last one
         {65'535, 655'350'000, 655'350 * kMs, false},
         {1, 655'370'000, 655'370 * kMs, false},  // this sample does not follow directly: one is missing
         // this sample follows directly: its delay by the device's clock is the largest allowed

@@ -78,7 +78,7 @@ std::vector<double> quiet(std::size_t n) {
     return y;
 }
 
-// Returns samples, of which some have values that no sensor should give, up to `largest`.
+// Returns samples, some of which no sensor should give: zeros, and values of a size up to `largest`.
 std::vector<double> wild(std::size_t n, double largest) {
     Noise noise;
     std::vector<double> y = quiet(n);

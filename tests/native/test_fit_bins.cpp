@@ -57,8 +57,9 @@ TEST_CASE("fit bins: ordinates of a whole stretch are those of their definition,
             }
             fltea::engine::WholeLines<512> lines;
             lines.take(x.data(), n, slow);
-            // The expected result, computed in double: the polynomials of degree 0, or of degrees 0 to 3 if
-            // `slow`, are subtracted one after the other.
+            // The expected result, computed in double. The mean or, if `slow`, a fitted cubic is subtracted:
+            // the powers 0 to 3 of time are made orthogonal to each other, and subtracted one after the
+            // other.
             std::vector<double> y(x.begin(), x.end()), expected;
             std::vector<std::vector<double>> basis;
             for (int power = 0; power <= (slow ? 3 : 0); ++power) {

@@ -90,8 +90,7 @@ TEST_CASE(
         const double counts = std::ldexp(static_cast<double>(x), -exponent);
         const std::int32_t count = fixed::from_float(x, exponent);
         if (std::fabs(counts) > fixed::kLargest) {
-            // If the number is too large, the result is the largest count or, by rounding, 2^29, which is one
-            // more.
+            // A number that is too large gives the largest count, 2^29 - 1, or by rounding one more.
             REQUIRE(std::abs(count) >= fixed::kLargest);
             REQUIRE(std::abs(count) <= fixed::kLargest + 1);
             REQUIRE((count < 0) == (counts < 0));
@@ -103,7 +102,7 @@ TEST_CASE(
         const std::int64_t count = static_cast<std::int64_t>(random()) >> (1 + random() % 63);
         const int exponent = static_cast<int>(random() % 120) - 60;
         const float expected =
-            // this is not exact if `count` has more than 53 bits
+            // this expected result is inexact if `count` has more bits than the 53 of a double
             static_cast<float>(std::ldexp(static_cast<double>(count), exponent));
         const float found = fixed::to_float(count, exponent);
         if (count > -(INT64_C(1) << 53) && count < INT64_C(1) << 53) {
@@ -182,9 +181,9 @@ TEST_CASE("soft square root: that of IEEE 754, to the bit") {
 }
 
 // The fixed-point memory multiplies each past state by a weight. tools/gen_fixed_nodes.py chooses the
-// memory's constants so that the weights have relative errors below 1e-3 for orders from about 0 to 2. Other
-// orders are less exact. The largest relative errors are 6e-4 for orders from -0.1 to 1.5, 8e-4 for orders up
-// to 1.9, 1.8e-3 at the order -0.5 and 4.5e-3 at 2.5. An error of less than 1e-8 is always allowed.
+// memory's constants so that the weights have relative errors below 1e-3 for orders from about 0 to 2. For
+// other orders, the errors are larger: up to 1.8e-3 at the order -0.5, and 4.5e-3 at 2.5. An error of less
+// than 1e-8 is always allowed.
 TEST_CASE("fixed memory: the weights to a thousandth, at ages up to 100,000") {
     const std::size_t ages[] = {1,  2,  3,   4,   5,    6,    7,     8,     10,    14,
                                 20, 50, 100, 300, 1000, 3000, 10000, 30000, 100000};
@@ -235,9 +234,9 @@ TEST_CASE("fixed memory: sums of noise as those of the exact memory, for x, and 
                 direct.sums(static_cast<double>(order), exact_S, exact_V);
                 CHECK(static_cast<double>(S) == sum_of(memory, order));
                 worst = std::max(worst, std::fabs(static_cast<double>(S) - exact_S) / sigma);
-                // V is the sum of the variances of all past states, multiplied by the squares of their
-                // weights. The memory computes V as if infinitely many states had come before, so V can only
-                // be compared after many samples. For orders below -1/4, the memory uses V of the order -1/4,
+                // V is the sum of the variances of all past states, each times the square of its weight. The
+                // memory computes V as if infinitely many states had come before, so only V after the last
+                // sample is compared. For orders below -1/4, the memory takes the weights of the order -1/4,
                 // so V is not compared.
                 if (k != n - 1 || order < -0.25f) continue;
                 CHECK(std::fabs(static_cast<double>(V) - exact_V) <=

@@ -256,15 +256,15 @@ TEST_CASE("octaves: when the last level is full its oldest samples go") {
         REQUIRE(whole.size() <= Ladder::Whole::kCapacity);
         REQUIRE(whole.stretches() > 0);
         const Stretch& last = whole.stretch(whole.stretches() - 1);
-        // The level that keeps its samples (level 2) has every fourth sample. At its end, only as many
-        // samples are missing as the half-band filters need in advance.
+        // The last level (level 2) keeps its samples: every fourth one of the record. Its newest samples are
+        // still missing, because the half-band filters need some later samples to compute them.
         if (k > 160) CHECK(last.first + 4 * static_cast<std::uint64_t>(last.length) + 128 > now);
     }
     CHECK(ladder->depth() == 2);
     CHECK(ladder->whole().size() > WholeStream::kCapacity - 64);
     double power[Ladder::kTopLines], blocks, effective;
     ladder->sums(0, now, power, &blocks, &effective);
-    CHECK(blocks == 150 + 248);  // the Welch sums still contain all blocks
+    CHECK(blocks == 150 + 248);  // the spectrum of level 0 still has all blocks
     std::unique_ptr<Ladder> other(new Ladder(*ladder));
     other->cut();
     ladder->cut();

@@ -15,8 +15,8 @@ TEST_CASE("wire line: samples have the time of the read in which they ended") {
     reads.add(sample(1) + Bytes(two.begin(), two.begin() + 5), 10).add(Bytes(two.begin() + 5, two.end()), 20);
     reads.add(sample(3), 30);
     line.line.feed(reads.bytes.data(), reads.reads.data(), 3, 10);
-    // No HELLO was received, so a trouble might become due between two reads. The reads are therefore
-    // processed one by one.
+    // No HELLO has come, so the decoder may have to report this between any two reads. It therefore returns
+    // the samples of each read as an item of its own.
     for (std::int64_t k = 1; k < 4; ++k) {
         const PortItem item = line.line.next();
         REQUIRE(item.kind == PortItem::kSamples);
@@ -107,7 +107,8 @@ TEST_CASE("wire line: only a HELLO that differs from the accepted one has to be 
     Line line;
     CHECK(line.one(hello() + hello() + hello(6) + hello(5), 1) ==
           Words{"frame 1", "same hello", "frame 1", "frame 1"});
-    // A refused HELLO does not count as the last accepted one.
+    // A refused HELLO is forgotten: the next good one is compared with the last accepted one, and is the
+    // same.
     CHECK(line.one(hello(13) + hello(13) + hello(5), 2) ==
           Words{"frame 1", "bad_hello", "frame 1", "same hello"});
     CHECK(line.line.counts().refused == 0);
@@ -140,7 +141,8 @@ TEST_CASE("wire line: columns of a later second, and of later samples of a run")
     CHECK(item.samples.host_ns[1] == kSecondNs + 1);
     CHECK(line.line.counts().frames == 3);
     item = line.line.next();
-    // next() returns samples 3, 4, 7 and 8 as two items, and counts() has all four once both items are taken
+    // next() has returned samples 3 and 4 in one item, and 7 and 8 in the next. counts() includes all four
+    // only when the caller asks for the item after these.
     CHECK(line.line.counts().frames == 3);
     REQUIRE(item.samples.n == 2);
     CHECK(item.samples.host_ns[1] == kSecondNs + 2);
@@ -160,19 +162,19 @@ TEST_CASE("wire line: what was not taken is left out") {
     line.line.silent(2);
     CHECK(line.line.counts().frames == 1);
     CHECK(line.all() == Words{"tick 0"});
-    line.line.accept_hello();  // this has no effect, because no new HELLO has come that could be accepted
+    line.line.accept_hello();  // this has no effect, because no HELLO waits to be accepted
     CHECK(line.one(hello(), 3) == Words{"frame 1"});
     line.line.silent(5 * kSecondNs + 3);
     for (int k = 0; k < 9; ++k) CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    // next() has returned nine of the ten ticks. Calling pass_time() has discarded the tenth, so no item is
-    // left.
+    // A tick is an item that only says that half a second has passed without bytes. next() has returned nine
+    // of ten ticks, and pass_time() has discarded the tenth. So no item is left.
     CHECK(line.line.next().kind == PortItem::kDone);
     line.line.silent(5 * kSecondNs + 3);
     CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    // next() has returned the tick, an item that only says that time has passed. After a tick, next() would
-    // have checked whether it must report a silent port. pass_time() has discarded this check.
+    // After this only tick, next() would have checked whether it must report a silent port. pass_time() has
+    // discarded this check.
     CHECK(line.line.next().kind == PortItem::kDone);
 }
 

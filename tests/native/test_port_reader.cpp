@@ -103,8 +103,8 @@ struct Heard {
             for (const fltea::PortRead& read : one.reads) {
                 CHECK(read.end > end);
                 CHECK(read.stamp.host_ns >= before_ns);
-                // Every read is later than the time that the last call of take() returned. The program has
-                // counted all time up to that moment as silent, so an earlier read would come too late.
+                // The caller counts a port as silent up to the time that take() returned. So every read of
+                // the next call has to be later than that time.
                 CHECK(read.stamp.host_ns > last_ns);
                 CHECK(read.stamp.host_ns <= now_ns);
                 end = read.end;
@@ -195,8 +195,8 @@ TEST_CASE("port reader: what does not fit is counted, and what came before it st
     Heard heard{reader};
     Made ends = pipe_ends();
     reader.add(0, ends->near, false, 3600'000 * kMs);
-    // sizes of three texts: the first and second do not fit together, so the second is discarded before the
-    // third is read
+    // Sizes of three texts, for a reader that holds at most 1,000 bytes. It keeps the first text. At least
+    // one of the others does not fit beside it, and is discarded and counted.
     for (const std::size_t size : {900, 700, 700}) {
         ends->send(std::string(size, size == 900 ? 'a' : 'b'));
         ends->wait_until_read();

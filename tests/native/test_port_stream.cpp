@@ -185,7 +185,8 @@ class Taker {
         if (found.stop == Stop::kFitDue) device_.fit_counts = device_.place.newest().seq + 7;
         if (found.stop == Stop::kFitCounts) device_.fit_due = device_.place.newest().seq + 11;
         if (found.stop == Stop::kEpoch) begin();
-        // the fixed text of the JSON lines changes, so the objects that print the lines have to be replaced
+        // at these stops, the text that all JSON lines contain changes, so the objects that print the lines
+        // are replaced
         if (found.stop == Stop::kEpoch || found.stop == Stop::kFitCounts) printers_.clear();
     }
     void begin() {
@@ -209,8 +210,8 @@ class Taker {
     std::size_t given_ = 0;
 };
 
-// Gives the reads of a port to a caller in groups of one to `most` reads. The reads of a group come within
-// kStallNs after the previous read, as they do for a caller that is never blocked for long.
+// Gives the reads of a port to a caller in groups of one to `most` reads. A group of several reads ends at
+// most kStallNs after the group before it, so the caller never seems to have stood still.
 void give_all(Taker& to, const Reads& all, Random& random, unsigned most) {
     for (std::size_t begin = 0; begin < all.reads.size();) {
         std::size_t end = std::min(all.reads.size(), begin + 1 + below(random, most));

@@ -45,7 +45,8 @@ TEST_CASE("wire line: bytes without frames for five seconds are no device of our
     for (std::int64_t k = 1; k < 12; ++k) reads.add(Bytes(100, 0x55), k * kSecondNs / 2);
     const Words found = line.feed(reads);
     CHECK(found == Words{"partial", "no_valid_frame 5500"});
-    // no_valid_frame is not reported again, but another trouble, no_hello, is.
+    // A sample can be read now, so no_valid_frame is over. But there was no HELLO since the port was opened,
+    // 6 s ago.
     CHECK(line.one(Bytes{0} + sample(0), 6 * kSecondNs) == Words{"1 samples", "no_hello 6000"});
 }
 
@@ -76,9 +77,9 @@ TEST_CASE("wire line: a stall of the program proves nothing") {
     for (const std::int64_t stall : {2 * kSecondNs, 2 * kSecondNs + 1}) {
         Line line;
         line.line.resume(4 * kSecondNs);
-        // After a silence of the port there are 13 items: twelve ticks, which say that time has passed, and
-        // the report of the silence. If the program itself stood still (for more than 2 s), there is only one
-        // tick, at the time at which the program continues.
+        // If the port is silent for 6 s, there are 13 items: a tick for each half second without bytes, and
+        // the report that the port is silent. If the program itself stood still for more than 2 s, the
+        // silence proves nothing: there is only one tick, at the time at which the program continues.
         CHECK(line.silent(4 * kSecondNs + stall).size() == (stall > 2 * kSecondNs ? 1 : 13));
         line.line.resume(7 * kSecondNs);
         Reads reads;
@@ -116,7 +117,8 @@ TEST_CASE("wire line: on a port that was opened again all begins anew") {
     refused.one(hello(13), 1);
     refused.line.opened({2, 0});
     CHECK(refused.one(sample(0), 3) == Words{"1 samples"});
-    // Bytes from before the port was opened again do not count for the trouble that nothing can be read.
+    // If no frame can be read for 5 s, this is reported. Bytes that came before the port was opened again do
+    // not count for this.
     Line unread;
     unread.one(Bytes(9, 1), 1);
     unread.line.opened({4 * kSecondNs, 0});
@@ -150,7 +152,8 @@ TEST_CASE("wire line: reads between which a trouble may be due are taken one by 
         const std::int64_t at = 5 * kSecondNs - left;
         Reads reads;
         reads.add(Bytes{0} + sample(1), at).add(sample(2), at);
-        // the items: the bad block, and then the samples together (one item) or one by one (two items)
+        // first comes an item for the bad block; the two samples follow in one item or, if something may have
+        // to be reported between them, in two
         CHECK(unread.feed(reads).size() == (left == 1 ? 2 : 3));
     }
 }

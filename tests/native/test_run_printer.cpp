@@ -19,8 +19,9 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 using Texts = std::vector<std::string>;
 using Holes = std::vector<LinePrinter::Hole>;
 
-// Stands in for a tracker and a bank of filters, and makes up their results. Each number tells the column in
-// which the printer has to find it. The bank's numbers for the second axis are NaN.
+// Stands in for a tracker and a bank of filters. The number of a column is part of each result that it makes
+// up, so a test sees whether the printer took it from the right column. The bank's results for the second
+// axis are NaN.
 struct Numbered : TrackerPart, BankPart {
     void run(const double*, const double*, std::size_t, std::size_t rows, double* out, std::uint8_t* moving,
              std::vector<track::TrackerEvent>&) override {
@@ -149,7 +150,7 @@ TEST_CASE("run printer: every n-th sample by its number, whatever the runs and w
             one.append(walk.device, row, std::min(row + 3, walk.device.run().n));
         first += static_cast<std::int64_t>(walk.device.run().n);
     }
-    CHECK(first == 2048 + 16);  // 3,000 samples were given, but a run takes only as many as fit into it
+    CHECK(first == 2048 + 16);  // of 3,000 samples, the run took what fits into it
     for (std::int64_t k = 0; k < first; k += 4)
         all += std::to_string(k) + " " + std::to_string(static_cast<std::int16_t>(10 * k + 2) - 3) + ".5\n";
     all.replace(0, 6, "0 -0.5");

@@ -17,7 +17,7 @@ namespace {
 using namespace fltea::whittle;
 namespace models = fltea::noise_models;
 
-// Converts the device's bins to those of the host.
+// Returns the device's bins in the form that the host's fit takes, by rising frequency (`lam`).
 template <class Any>
 models::Bins on_host(const Any& bins) {
     models::Numbers lam, counts, power;
@@ -85,7 +85,7 @@ double order_std_in_double(const Any& bins, const FitFigures& found) {
     return std::sqrt(column[1]);
 }
 
-// Returns how far 2 log L of the best fit with this order is below that of the best fit (in double).
+// Returns 2 log L of the host's best fit with any order, minus that of its best fit with this order.
 template <class Any>
 double below_best(const Any& bins, double order) {
     const models::Bins on = on_host(bins);
@@ -162,7 +162,7 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             CHECK(axis->memory.figures().ratio_white >= cold.ratio_white - 0.02f);
             CHECK(axis->memory.figures().verdict == cold.verdict);
             if (n > 3000) continue;
-            // With five times as many samples, the fit searches on the grid again.
+            // With five times as many samples, the last result is no good start, so the grid is searched.
             for (int k = 0; k < 4 * n; ++k) axis->octaves.add(next());
             axis->fit_now();
             CHECK(axis->sliced.evaluations() * 2 > evaluations);
@@ -234,8 +234,8 @@ TEST_CASE("sliced fit: the interval is that of double, however small the share o
                     if (!found.alpha_defined) continue;
                     ++defined;
                     small += found.R < 0.05f * bins.mean_power();
-                    // The interval of α is at least as wide as that from the curvature, and as wide as the
-                    // likelihood, computed in double, requires.
+                    // The interval of α is at least as wide as the likelihood's curvature says. It is wider
+                    // where it has to be: at each end, 2 log L is 3.84 below its maximum (95 %).
                     const double curvature = order_std_in_double(bins, found);
                     const double half = 1.96 * static_cast<double>(found.alpha_std);
                     const double alpha = static_cast<double>(found.alpha);
@@ -306,7 +306,7 @@ TEST_CASE("sliced fit: without ordinates, or without power in them, there is no 
 
 namespace {
 
-// Bins with powers close to a given spectrum, and as many ordinates as years of samples would give.
+// Bins of a given spectrum with random errors, as small as those of a spectrum of years of samples.
 struct YearBins {
     enum { kSize = 170 };
     float lam_[kSize], counts_[kSize], power_[kSize];

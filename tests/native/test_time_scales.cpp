@@ -1,5 +1,5 @@
-// Tests of TimeScales. Its running sums give the variances of the changes of a figure over 1, 2, 4 … values.
-// These variances are compared with their definition.
+// Tests of TimeScales. Its running sums say how much the mean of 1, 2, 4 … values differs from the mean of
+// equally many values before. These variances are compared with their definition.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -14,8 +14,8 @@ namespace {
 
 typedef TimeScales<6> Scales;
 
-// Compares the running sums with the definition of the variance at scale s. By definition, this variance
-// follows from the differences between the sums of neighbouring groups of 2^s figures.
+// Compares the variance at each scale s with its definition. It is 2^s / 2 times the mean square of the
+// difference between the means of two neighbouring groups of 2^s figures.
 void check(const Scales& scales, const std::vector<float>& figures) {
     for (int s = 0; s < Scales::size(); ++s) {
         const std::size_t run = std::size_t(1) << s, pairs = figures.size() / (2 * run);

@@ -55,7 +55,7 @@ bool load(OneAxis& one, const std::vector<double>& numbers) {
     return loader.sound() && loader.at_end();
 }
 
-// Returns sample i of a series with rest, knocks, motion and a step of the offset.
+// Returns sample i of a series with rest, single large values (knocks), motion, and a step of the bias.
 double sample(Noise& random, int i) {
     double y = random();
     if (i % 400 == 50) y += 1e4;
@@ -76,8 +76,8 @@ std::unique_ptr<OneAxis> made(bool modelled, const double* offset = nullptr) {
     rules.largest_step = 60;
     std::unique_ptr<OneAxis> one(new OneAxis(offset, rules));
     if (modelled) {
-        // Two candidate state-space models: in one, the offset does a random walk; in the other, the offset
-        // is constant.
+        // Two candidate state-space models. They differ in the last state, the offset: in one model it does a
+        // random walk, in the other it is constant.
         const Any stays = system_of(6, 1);
         Any walks = stays;
         walks.Q[35] = 1e-3;
@@ -149,7 +149,7 @@ TEST_CASE("tracker: the past keeps means, and what is not known is not in them")
         const Newest<Past::kMeans>& means = past->means(level);
         kept += means.count() * size;
         for (int i = 2; i < means.count(); ++i) {
-            // If more than half of a group's values are unknown, the group's mean is unknown, too.
+            // The mean of a group of 32 samples is unknown (NaN) if more than half of them are unknown.
             if (level == 0 && std::isnan(means[i])) CHECK(std::isnan(means[i - 2]));
             if (level == 0 && !std::isnan(means[i])) CHECK(means[i] == means[i - 2] + 2);
             if (level > 0) CHECK(means[i] > means[i - 1]);
@@ -243,7 +243,7 @@ TEST_CASE("tracker: the mean of what comes is a sum of single steps") {
                 }
                 CHECK(found.row[i] == doctest::Approx(sum / double(m)).epsilon(1e-9));
             }
-            // The variance that future noise adds to the mean bias is compared, too.
+            // Future noise makes the mean bias uncertain. The variance of this is compared, too.
             std::vector<double> weight(s->bias, s->bias + n), all(weight);
             double variance = 0;
             for (long long k = 0; k < m; ++k) {

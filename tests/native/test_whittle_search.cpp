@@ -80,8 +80,9 @@ TEST_CASE("noise models: a part that is searched apart is found, and is not adde
     const Terms both = {{kWhite, 0}, {kRelaxation, 0}, {kWalk, 0}};
     Bins bins = with_power(plain, spectrum(plain, both, {0, 0, -3, -9}));
     CHECK(Search(bins, {kWalk}).whole().plain.same_terms(FittedModel{both, {}, 0}));
-    // A part is added to a model if it raises 2 log L by more than the price of its parameters. This random
-    // walk raises 2 log L by less than the price in `plain`, and by more than the price in `rich`.
+    // A part is added to a model if it raises 2 log L by more than a price for its parameters. The price in
+    // the search for `plain` is higher than in that for `rich`. The gain by this random walk is between the
+    // two.
     Bins faint = with_power(plain, spectrum(plain, {{kWhite, 0}, {kWalk, 0}}, {0, -15}));
     const Frontier with = Search(faint).whole(), without = Search(faint, {kWalk}).whole();
     CHECK_FALSE(with.plain.has(kWalk));
@@ -114,7 +115,7 @@ TEST_CASE("noise models: an order is found beside none, and its interval holds i
         }
         CHECK(ends[0] < found.ordered.eta[1]);
         CHECK(found.ordered.eta[1] < ends[1]);
-        // The error of the order may be 1.7 times half the interval, which is 3.3 standard deviations.
+        // The interval covers 95 %, so half of it is 1.96 standard deviations. The error may be 3.3 of them.
         CHECK(std::fabs(found.ordered.eta[1] - alpha) < 1.7 * (ends[1] - ends[0]) / 2);
         // At each end of the interval, the likelihood has fallen by the required amount.
         for (double end : ends) {

@@ -25,7 +25,7 @@ inline Bins bins_of(std::size_t size, double samples = 60000) {
     return Bins(kernel_baseline, lam, counts, Numbers(size, 1.0), walk, Numbers(size), 0.01);
 }
 
-// Returns the same bins with other powers.
+// Returns bins with the same frequencies and numbers of periodogram values, but with the powers `power`.
 inline Bins with_power(const Bins& bins, const Numbers& power) {
     return Bins(kernel_baseline, bins.lam, bins.counts, power, bins.walk, Numbers(bins.size()), 0.01);
 }
