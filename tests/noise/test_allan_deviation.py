@@ -52,8 +52,8 @@ def test_ar1(phi, factors):
 def test_a_random_walk_at_its_corner():
     """The Allan variance of a random walk with steps of variance s2, at m samples, is s2 (2 m² + 1) / (6 m).
 
-    In place of the random walk, the test uses a relaxation. Its corner frequency is so low that these
-    averaging times do not show the difference.
+    The model here is a relaxation. Its corner frequency is so low that, at these averaging times, its Allan
+    variance is that of a random walk.
     """
     m = OCTAVES[:12]
     found = model_adev(lambda lam: ar1(lam, 1 - 1e-9), m)

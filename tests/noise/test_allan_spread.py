@@ -37,10 +37,10 @@ MODELS = {
 
 @pytest.mark.parametrize("name", slow_but(["relaxation", "order", "wide line"], MODELS))
 def test_mean_and_spread_are_those_of_simulations(name: str) -> None:
-    """Mean and degrees of freedom of Allan variances agree with those of simulations within the errors of the
-    latter.
+    """Mean and degrees of freedom of Allan variances agree with those of simulations, within the errors of
+    the simulations.
 
-    The error of the simulated degrees of freedom takes skewness into account.
+    The error of the simulated degrees of freedom includes 12 / degrees, the excess kurtosis of chi-squared.
     """
     model, factors = MODELS[name], averaging_factors(N)
     deviation, degrees = expected(model, H, factors, differences(factors, [N]))
@@ -60,7 +60,8 @@ def test_degrees_of_powers_of_the_frequency_are_those_of_their_sums(power: int) 
     """The degrees of freedom equal those by the sums of Greenhall and Riley, at averaging times of many
     samples.
 
-    At such averaging times, sampling does not matter.
+    Their sums are for exact powers of the frequency. The noise here has such a spectrum only far below the
+    sampling rate, so short averaging times are left out.
     """
     samples, factors = 1 << 15, np.array([64, 200, 1000, 4000, 8192])
 
@@ -75,8 +76,9 @@ def test_degrees_of_powers_of_the_frequency_are_those_of_their_sums(power: int) 
 
 
 def test_of_neighbours_of_white_noise_it_is_exact() -> None:
-    """By hand: for differences of neighbouring samples of white noise, the correlation r is 1 at lag 0 and
-    -1/2 at lag 1. M differences therefore have M / (1 + 2/4) degrees of freedom.
+    """By hand: the mean of M squared differences has M / Σ r² degrees of freedom, where r is the correlation
+    of two differences, and the sum is over all lags. For differences of neighbouring samples of white noise,
+    r is 1 at lag 0 and -1/2 at lags 1 and -1, so Σ r² = 1 + 2/4.
     """
     found = allan_degrees(np.ones_like, [1], [1.0], [10**6])
     assert found == pytest.approx(10**6 / 1.5, rel=1e-5)
@@ -92,9 +94,11 @@ def test_a_line_alone_has_two_degrees_for_each_time_that_it_remembers(
 
 
 def test_the_deviation_of_a_narrow_line_is_that_of_its_cosine() -> None:
-    """The Allan deviation of a narrow spectral line varies with the averaging time as sin².
+    """The Allan deviation of a cosine at m samples is proportional to sin²(m λ/2) / m, where λ is its
+    frequency in radians per sample.
 
-    To compute it from the spectrum, the panels of the quadrature have to be as narrow as the spectral line.
+    A narrow spectral line has the same deviation if the integral over the spectrum is taken in steps as
+    narrow as the line.
     """
     line = Lorentzian(7.3, 1e-5, 2.0)
     factors = np.array([1, 3, 10, 31, 100])

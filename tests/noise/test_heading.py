@@ -133,13 +133,14 @@ def test_a_drive_may_be_none_and_may_have_no_end() -> None:
 def _summed(s: System, samples: int) -> tuple[np.ndarray, float]:
     """Return the expectation and the variance of the mean of the biases at the next `samples` samples.
 
-    The expectation is a row vector: its product with the present state is the expected mean. Expectation and
-    variance are summed sample by sample, whereas the tested code uses powers of matrices.
+    The expectation is a row vector: its product with the present state is the expected mean. Both are summed
+    sample by sample; the tested code uses powers of matrices.
     """
     rows = [s.bias]
     for _ in range(samples):
         rows.append(rows[-1] @ s.A)
-    # A step of the state that occurs j samples before the last sample affects j + 1 of the averaged biases.
+    # Noise that drives the state j samples before the last sample changes j + 1 of the biases. Its effects on
+    # these are summed first.
     to_come = np.cumsum(rows[:-1], axis=0)
     variance = sum(float(one @ s.Q @ one) for one in to_come)
     return np.sum(rows[1:], axis=0) / samples, variance / samples**2

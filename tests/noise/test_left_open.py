@@ -14,10 +14,11 @@ LAM = np.geomspace(0.01, math.pi, 50)
 
 @pytest.mark.parametrize("found", [p.Order(0.916, -13.4, 21.4), p.Order(0.354, -0.97, 1.03)], ids=str)
 def test_white_noise_beside_an_order_that_is_nearly_white_is_open(found: p.Order) -> None:
-    """Two models were once fitted to the same minute of samples.
+    """A minute of samples was once fitted by two different models, each of white noise and a fractional
+    noise.
 
-    Each model consisted of white noise and noise of fractional order, and so did the samples (NEARLY_WHITE is
-    their fractional noise). The true variance of the white noise lies between those of the two models.
+    The samples were of this kind, too: `NEARLY_WHITE` is their fractional noise, and R the variance of their
+    white noise. One model has too much white noise, the other too little.
     """
     white = p.White(0.0326 if found.alpha > 0.5 else 0.0026)
     mean, power = mean_order([white, found], found, LAM, H, 6000)

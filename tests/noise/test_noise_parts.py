@@ -86,8 +86,8 @@ def test_a_state_that_grows_has_no_spectrum() -> None:
 
 @given(st.floats(-0.99, 0.99))
 def test_aliases(phi: float) -> None:
-    """With g = h^α f, these noises have the same spectrum: order α = 0 with g = φ, order α = 1 with g = φ -
-    1, and an autoregression AR(1) with coefficient φ by the textbook's formula.
+    """With the sampling period h and g = h^α f, three noises have the same spectrum: the order α = 0 with g =
+    φ, the order α = 1 with g = φ - 1, and an autoregression AR(1) with the coefficient φ.
     """
     textbook = 1 / (1 - 2 * phi * np.cos(LAM) + phi**2)
     np.testing.assert_allclose(spectrum.fractional(LAM, 0.0, phi), textbook, rtol=1e-9)

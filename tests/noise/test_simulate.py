@@ -46,8 +46,8 @@ def test_mean_variance_and_spectrum_are_the_models(alpha: float, f: float) -> No
 
 
 def test_order_0_is_an_autoregression_and_order_1_its_alias() -> None:
-    # Noise of order α = 0 with f = φ, and noise of order α = 1 with f = (φ - 1)/h whose driving noise is
-    # scaled by 1/h, are the same process.
+    # Both are the autoregression x_k = φ x_(k-1) + ω_k. As a noise of order α = 0 it has f = φ. As a noise of
+    # order α = 1 it has f = (φ - 1)/h, and is driven by ω/h.
     phi, n = 0.7, 4000
     y, x = FractionalNoise(0, phi, 1.0, 0.5, H, seed=3).samples(n)
     alias = FractionalNoise(1, (phi - 1) / H, 1 / H**2, 0.5, H, seed=3).samples(n)
@@ -66,14 +66,15 @@ def test_without_process_noise_it_is_white() -> None:
 
 
 def test_a_driven_system_of_changing_order_worked_by_hand() -> None:
-    # By hand, with period h = 1, f = 0, no noise and input 1 at each step: x_1 = 1. Order 2 (weights of the
-    # past c = 1, -2, 1) gives x_2 = 1 + 2 x_1. Order 1/2 (c = 1, -1/2, -1/8) gives x_3 = 1 + x_2/2 + x_1/8,
-    # or x_3 = 1 + x_2/2 if the window has one sample.
+    # By hand: x_k = u_k - c_1 x_(k-1) - c_2 x_(k-2) …, with the input u_k = 1, period h = 1, f = 0 and no
+    # noise. The weights c belong to the order of sample k. x_1 = 1. Sample 2 has order 2 (c = 1, -2, 1), so
+    # x_2 = 1 + 2 x_1. Sample 3 has order 1/2 (c = 1, -1/2, -1/8), so x_3 = 1 + x_2/2 + x_1/8. With a window
+    # of one sample, the last term is missing.
     for window, last in ((10, 1 + 1.5 + 0.125), (1, 1 + 1.5)):
         system = FractionalNoise([1, 2, 0.5], 0, 0, 0, 1.0, window)
         assert [system.step(1) for _ in range(3)] == [(x, x) for x in (1, 3, last)]
-    # By hand, with period h = 1/4 (h^α = 1/2), order 1/2, f = -1 and inputs 4 and 2: x_1 = (0 + 4)/2 = 2,
-    # then x_2 = (-2 + 2)/2 + 2/2 = 1.
+    # By hand, with period h = 1/4, order α = 1/2 and f = -1: x_k = h^α (f x_(k-1) + u_k) + x_(k-1)/2, where
+    # h^α = 1/2. The inputs u = 4 and 2 give x_1 = (0 + 4)/2 = 2, and x_2 = (-2 + 2)/2 + 2/2 = 1.
     system = FractionalNoise(0.5, -1, 0, 0, 0.25, 10)
     assert [system.step(u)[1] for u in (4, 2)] == [2, 1]
 

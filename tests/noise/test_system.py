@@ -21,8 +21,8 @@ N = 10**6
 LAM = np.geomspace(4 * math.pi / N, math.pi, 1000)
 LOW = LAM < 1
 NEARLY_RIGHT = 0.06
-"""Largest permitted relative error at low frequencies, for the spectrum of a system that approximates a part
-whose poles were not chosen for this test.
+"""Largest permitted relative error, at low frequencies, of the spectrum of a linear system that approximates
+a noise part of any kind.
 """
 
 
@@ -30,8 +30,8 @@ def ratio(parts: list[p.Part], samples: int = N) -> np.ndarray:
     """Return the ratio of the linear system's spectrum to the spectrum of the noise's parts, at the
     frequencies LAM.
 
-    The ratio is 1 plus the relative difference of the spectra. Where a filter makes the spectrum almost 0,
-    the difference is divided by a small limit and not by the spectrum, so the ratio remains near 1.
+    The ratio is computed as 1 + (system - noise) / noise. Where a filter makes the noise almost 0, the
+    divisor is 0.3 % of the noise's median, so that differences at these frequencies hardly count.
     """
     wanted = p.spectrum(parts, LAM, H)
     found: np.ndarray = 1 + (system(parts, H, samples).spectrum(LAM) - wanted) / np.maximum(
@@ -113,8 +113,8 @@ HIGH_PASSED: dict[str, list[p.Part]] = {
 def test_behind_a_high_pass_it_is_right_but_for_what_no_filter_can_do_without(name: str) -> None:
     """The error of the system's spectrum is small compared with the noise before the high-pass filter.
 
-    At the frequencies that the filter stops, the system has only a small white noise R. No Kalman filter
-    works without it.
+    The filter leaves almost nothing of some frequencies. The system has a small white noise R there, because
+    no Kalman filter works without one. So the error is not compared with the noise behind the filter.
     """
     check_high_passed(HIGH_PASSED[name], 0.01)
 
@@ -171,7 +171,7 @@ def check(s: System) -> None:
 @pytest.mark.parametrize("kind", EXAMPLES)
 def test_each_part_is_nearly_right_at_low_frequencies(kind: str, filters: list[p.Part]) -> None:
     if kind == "high-pass" or (filters and EXAMPLES[kind].has("filter")):
-        return  # a high-pass has tests of its own, and two low-passes are in no model
+        return  # high-passes are tested above, and no model has two low-passes
     np.testing.assert_allclose(ratio([WHITE, EXAMPLES[kind], *filters])[LOW], 1, atol=NEARLY_RIGHT)
 
 
@@ -180,7 +180,7 @@ def test_any_sentence_is_a_system(parts: list[p.Part], samples: int) -> None:
     s = system(parts, H, samples)
     check(s)
     check(s.with_offset())
-    # In the initial covariance P0, each state with a stationary covariance has this covariance.
+    # A state that decays has a stationary covariance. The initial covariance P0 has to be this covariance.
     still = np.hypot(s.a, s.b) < 1
     apart = s.A @ s.P0 @ s.A.T + s.Q - s.P0
     np.testing.assert_allclose(apart[np.ix_(still, still)], 0, atol=1e-9 * np.abs(s.P0).max(initial=1.0))
@@ -215,8 +215,10 @@ def test_what_is_not_stationary_is_refused() -> None:
 
 @pytest.mark.parametrize("poles", [2.1215274861128472, 2.132277290972571, 2.0276815574736102])
 def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
-    """A system with two nearly equal poles once had a state for each pole. The variance of each was 10⁷ times
-    that of their sum, and the Kalman filter diverged.
+    """A system with two nearly equal poles must not have a state for each pole.
+
+    In an earlier version, the variance of each of these states was 10⁷ times that of their sum, and the
+    Kalman filter diverged.
     """
     s = system([p.White(0.019), p.LowPass(21.0, poles), p.Walk(0.1164)], H, 4096)
     of_noise = s.signal == 0
