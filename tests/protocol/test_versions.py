@@ -30,9 +30,8 @@ doc = "what boards of before do not know"
 NEXT = protocol_definition.load(
     DEFINITION.replace(f"minor = {PROTOCOL.minor}", f"minor = {MINOR}")
     .replace("# ----", ADDED_FIELD + "# ----", 3)
-    # In messages.toml, a line `# ----` stands before each of the first messages, so a field put before the
-    # line belongs to the message above. Above the first line there is no message, so the field is removed
-    # there.
+    # In messages.toml, a line `# ----` stands before each of the first messages. A field put before such a
+    # line belongs to the message above it. Nothing is above the first line, so the field is removed there.
     .replace(ADDED_FIELD, "", 1)
     .replace(
         "data_ready = { value = 1",
@@ -44,8 +43,8 @@ NEXT = protocol_definition.load(
 )
 """The definition of the protocol's next minor version.
 
-In this version, HELLO and SAMPLE have an additional field. A message, a value of an enum and a bit of the
-flags are new.
+In this version, HELLO and SAMPLE have one more field each. New are also a message, a value of an enum and a
+bit of the flags.
 """
 
 
@@ -131,7 +130,7 @@ def test_the_next_native_decoder_reads_this_board_and_the_one_after_it(tmp_path:
         (1, PROTOCOL.minor, wire.SCHEMA_HASH, True),
         # the version is the same but the hash is not: the definition was changed
         (1, PROTOCOL.minor, 0xDEADBEEF, False),
-        # this version is before `oldest`, so later versions have changed its messages
+        # this minor version is older than `oldest` in messages.toml: messages that it has were changed since
         (1, PROTOCOL.minor - 1, 0xDEADBEEF, False),
         (1, MINOR, 0xDEADBEEF, True),
         (2, MINOR, 0xDEADBEEF, False),
