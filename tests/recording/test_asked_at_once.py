@@ -58,7 +58,8 @@ def test_a_sensor_is_asked_for_together_with_columns_and_unit(tmp_path: Path) ->
 
 @pytest.mark.parametrize("head", ["timestamp_ns,type,x,y,z\n", ""])
 def test_kinds_of_events_at_their_own_rates_are_asked_for_at_once(head: str, tmp_path: Path) -> None:
-    """Kinds of events have the numbers that Android gives them.
+    """The column `type` has the numbers that Android gives to kinds of events: 4 is a gyroscope, 1 an
+    accelerometer.
 
     The accelerometer has half the gyroscope's rate.
     """

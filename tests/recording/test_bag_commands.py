@@ -135,11 +135,11 @@ def test_messages_in_two_files_of_a_bag_count_once(kind: str, how: str, tmp_path
 
 @pytest.mark.parametrize("stamped", [True, False])
 def test_messages_that_only_have_the_times_of_others_are_no_copies(stamped: bool, tmp_path: Path) -> None:
-    """Messages with the same times as earlier ones count as copies, and are left out, only if their numbers
-    are the same, too.
+    """A message counts as a copy, and is left out, only if its time and its numbers are those of an earlier
+    one.
 
-    With stamps: the sensor's clock begins again in the second file, which therefore repeats the stamps of the
-    first, but has other numbers. No message is left out.
+    With stamps: the sensor's clock begins again in the second file, so the stamps repeat, but the numbers are
+    others. No message is left out.
 
     Without stamps: the second file repeats the arrival times and the numbers of the first. Its messages are
     left out.

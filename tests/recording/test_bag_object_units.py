@@ -1,4 +1,7 @@
-"""Tests units of objects in bags (JSON, Protobuf): by names, schemas, comments, messages and gravity."""
+"""Tests which units the fields of objects in bags (JSON, Protobuf) have.
+
+The evidence is a name, a schema, a comment in the schema, another message, or gravity.
+"""
 
 from pathlib import Path
 from typing import Any

@@ -260,7 +260,7 @@ def test_the_accelerometer_and_the_unit_of_the_sensor_that_is_meant(tmp_path: Pa
         open_bag(path, How(topic="/imu:imu1"))
 
 
-# --- single fields ---
+# --- rows of one sensor ---
 
 
 @given(

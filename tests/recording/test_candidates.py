@@ -33,7 +33,7 @@ OPTION = re.compile(r"--([\w-]+) (\S+)")
 
 def lines_of(table: str) -> dict[str, tuple[str, list[float], list[float]]]:
     """Return the rows of a message's table of candidate units, by unit. A row consists of the name of the
-    noise figure (N or σ), the figure's value on each axis, and the mean of each axis.
+    noise figure (N or σ), this figure for each axis, and the mean of the samples [deg/s] of each axis.
     """
     found = {}
     for line in table.split("\n"):
@@ -98,8 +98,8 @@ def test_too_few_rows_show_nothing() -> None:
 
 
 def test_steps_of_a_coarse_sensor_are_noise_too() -> None:
-    """Most of the differences between neighbouring samples are 0. The median difference is 0, too, but the
-    noise shown is not.
+    """A coarse sensor repeats most values, so the median difference of neighbouring samples is 0. The noise
+    shown must not be 0: it is the standard deviation of the samples.
     """
     values = (np.random.default_rng(1).random((ROWS, 3)) < 0.2).astype(float)
     figures = lines_of(units_table(values, None))["deg/s"][1]
@@ -113,9 +113,9 @@ OF_COUNTS = {f"lsb:{g}": float(g) for g in GRAVITY_COUNTS}
 
 
 def at_rest(direction: tuple[float, ...], offset: tuple[float, ...], g: float) -> np.ndarray:
-    """Return samples of an accelerometer at rest, with 5 mg of noise and an offset on each axis.
+    """Return samples of an accelerometer at rest, with noise of 0.5 % of gravity and an offset on each axis.
 
-    The vector of the three offsets is at most 5 % of 1 g long.
+    The three offsets, as a vector, are at most 5 % of gravity. `g`: gravity in the unit of the samples.
     """
     there = np.array(direction) / math.hypot(*direction)
     off = np.array(offset) / math.sqrt(3)

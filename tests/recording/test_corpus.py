@@ -33,10 +33,11 @@ SLOW = {"asam.mf4"}
 """Files whose reading needs a library that takes seconds to load."""
 
 NOT_LIVE = {*BY_NAME, "excel_unicode.txt", "xsens_mtw.txt"}
-"""Text files that cannot be read as live text from a pipe. For some, the file name is needed, which a pipe
-does not have. Others are UTF-16, which nobody sends line by line.
+"""Text files that cannot be read as live text from a pipe.
 
-In one file, a column of times is empty; the first rows are too few to show this.
+Some are recognised by the file's name, which a pipe does not have. excel_unicode.txt is in UTF-16, which
+nobody sends line by line. xsens_mtw.txt has an empty column of times. A live reader sees only the first rows,
+and these are too few to show that all times are missing.
 """
 LIVE = [name for name in READ if name.endswith((".txt", ".csv", ".gcsv")) and name not in NOT_LIVE]
 
@@ -77,8 +78,8 @@ def test_a_file_of_each_kind_is_read(name: str, monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.parametrize("name", [name for name in READ if OPTIONS[name]])
 def test_what_a_file_does_not_say_is_asked_for(name: str) -> None:
-    """Each file is read without all of its options, and then without one of them at a time. Nothing in the
-    file states what a missing option states, so the error has to ask for it.
+    """The options of a file state what the file does not state itself. If all of them are left out, or one of
+    them, the error has to ask for what is missing.
     """
     truth = pairs(OPTIONS[name])
     for left_out in (set(truth), *({flag} for flag in truth)):

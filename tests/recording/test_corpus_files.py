@@ -1,4 +1,4 @@
-"""The committed example files are what their generator writes, at any time."""
+"""The committed example files are what their generator writes, on whatever day it runs."""
 
 import bz2
 import datetime

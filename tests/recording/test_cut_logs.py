@@ -46,7 +46,9 @@ def test_the_last_bytes_of_a_cut_log_of_ardupilot_are_counted(lacking: int, tmp_
 
 @pytest.mark.parametrize("lost", [0, 30, N - 1])
 def test_bytes_of_a_log_of_ardupilot_that_are_no_message_are_counted(lost: int, tmp_path: Path) -> None:
-    """The times only show samples that are lost between others, and not the first samples."""
+    """Damaged bytes are counted, because times do not show every loss: if the first samples are lost, there
+    is no gap between times.
+    """
     at = len(LOG) - (N - lost) * MESSAGE_BYTES
     data = LOG[:at] + LOG[at + 5 : at + MESSAGE_BYTES].replace(b"\xa3", b"\0") + LOG[at + MESSAGE_BYTES :]
     (note,) = notes_of(tmp_path / "log.bin", data, [k for k in range(N) if k != lost])

@@ -26,8 +26,8 @@ OTHER = np.random.default_rng(2).normal(scale=0.02, size=(N, 3)).astype(np.float
 
 
 def opened(kind: str, path: Path, **how: Any) -> Stored:
-    """Open a log. All kinds but ULog are opened in a reader process, since their libraries keep files open,
-    or are patched for the whole process so that they write no files.
+    """Open a log. All kinds but ULog are opened in a reader process. Their libraries keep files open, or have
+    to be patched so that they write no files, which would last in the tests' own process.
     """
     return (
         open_here(kind, path, **how)
@@ -100,8 +100,8 @@ def test_the_unit_of_a_px4_topic_is_its_documentations(tmp_path: Path) -> None:
 
 
 def queue(counts: Iterable[int], true_us: float, dt_us: float) -> tuple[bytes, Any]:
-    """Return a ULog file with messages of a sensor's queue, each of which holds several samples. Also return
-    the samples.
+    """Return a ULog file with messages of a sensor's queue, and the samples in them. Such a queue (FIFO)
+    holds the samples since it was last read, so each message has several samples: `counts` says how many.
     """
     counts = list(counts)
     raw = np.random.default_rng(3).integers(-200, 200, size=(sum(counts), 3))
@@ -109,7 +109,7 @@ def queue(counts: Iterable[int], true_us: float, dt_us: float) -> tuple[bytes, A
     for count in counts:
         one = np.zeros((3, 32), np.int16)
         one[:, :count] = raw[end : end + count].T
-        # the entries after the last sample stand for old values that earlier messages left in the array
+        # a message has an array of 32 entries; those after its last sample still hold older values
         one[:, count:] = 9999
         end += count
         last_us = round((end - 1) * true_us) + 1_000_000

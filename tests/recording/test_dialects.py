@@ -40,11 +40,7 @@ of_each = pytest.mark.parametrize("one", TABLE, ids=lambda one: one.name)
 
 
 class Seen(NamedTuple):
-    """What was known of a file when its dialect was determined. A dialect is how one logger writes a file
-    format.
-
-    These are the arguments of `dialect_of`.
-    """
+    """What was known of a file when its dialect was determined: the arguments of `dialect_of`."""
 
     names: Sequence[str]
     facts: Facts
@@ -68,7 +64,7 @@ class Seen(NamedTuple):
 
 @cache
 def seen(name: str) -> Seen:
-    """Return what is known of an example file when its columns are chosen."""
+    """Read an example file, and return what was known of it when its dialect was determined."""
     calls: list[Seen] = []
 
     def watched(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int = 0) -> Dialect | None:
@@ -156,8 +152,9 @@ def test_each_column_of_a_row_is_in_one_of_its_files(one: Dialect) -> None:
 
 @of_each_file
 def test_of_several_rows_for_a_file_the_special_one_stands_first(one: Dialect, name: str) -> None:
-    """If several rows of the table match a file, the first of them has to be the most special one. For each
-    of the others, at least one of its example files must therefore not match the first row.
+    """The first row of the table (a dialect) that matches a file is used, so a special one has to stand
+    before a more general one. A later row is more general if the first row does not match all of its example
+    files.
     """
     first, *others = seen(name).all()
     assert first is one
@@ -201,8 +198,9 @@ def test_without_any_one_fact_it_is_not_recognised_nor_taken_for_another(one: Di
     for what, found in lacking:
         other = found.dialect()
         assert other is not one, what
-        # Without the fact, the file may match a more general dialect. That dialect has to give the same unit
-        # or none, and it must name the columns of the gyroscope, unless its files are not read at all.
+        # Without the fact, the file may match another, more general dialect. That dialect has to give the
+        # same unit or none. It must also name the columns of the gyroscope, or say that its files are not
+        # read.
         if other is not None and not one.unread:
             assert other.gyro_unit in ("", one.gyro_unit), (what, other.name)
             assert bool(other.unread or other.gyro)

@@ -43,7 +43,9 @@ MISSING_ROW = 5
 SIZES = (8, 16, 32)
 """How many times the rows of the example are repeated to count the work."""
 MOST_MORE = {"calls": 300, "made_bytes": 300_000}
-"""Work that some hundred rows may take beside the work for each row."""
+"""If the rows are doubled twice, the second doubling may take 2.1 times the work of the first, and this much
+more.
+"""
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -62,7 +64,9 @@ def test_each_reader_has_an_example(kind: str) -> None:
 
 
 class Found(NamedTuple):
-    """What is read of a file. `counted`: number of rows, with those that count as lost between them."""
+    """What is read of a file. `counted`: number of rows, and of rows that the result says were lost between
+    them.
+    """
 
     stored: Stored
     counted: int
@@ -88,9 +92,11 @@ def changed(data: bytes) -> Iterator[tuple[str, bytes]]:
 
 @readers
 def test_a_cut_file_is_refused_or_noted(kind: str, tmp_path: Path) -> None:
-    """A file that consists of messages is whole if it ends between two of them, so nothing can show such a
-    cut. Therefore each file is cut off at a place, and again one byte earlier. The test fails only if the
-    reader notices neither cut.
+    """Each file is cut off at a place, and again one byte earlier. The reader has to notice one of the two
+    cuts.
+
+    A file that consists of messages may be cut between two of them. The rest is then a whole file, so nothing
+    can show this cut.
     """
     example = EXAMPLES[kind]
     data = (HERE / example.file).read_bytes()

@@ -51,10 +51,11 @@ def head_is_shown(case: Case, found: Figures) -> bool:
 
 
 def given(case: Case, found: Figures) -> bool:
-    """Return whether a note of the result says that the user's option gave the falsified fact (unit or rate).
+    """Return whether the result shows that the falsified fact (a unit or the rate) is what the user's option
+    says. A note says so, or the file is never read without this option.
 
-    The option decides if the file does not state the fact, or if only the logger's dialect contradicts the
-    option.
+    The option is believed in two cases: the file does not state the fact, or only the documentation of the
+    file's logger states it otherwise.
     """
     flag = case.kind.removeprefix("claimed ")
     noted = f"as {flag} says" in found.notes or flag in pairs(case.of.options)
@@ -91,8 +92,8 @@ OTHER_CLOCK_WITHOUT_UNIT = {
     "gopro.csv",
     "gopro_zxy.csv",
 }
-"""Files with two clocks of which one has no stated unit, so it could count thousandths of what the other
-clock counts.
+"""Files with two clocks, one of which has no stated unit. If the times of the other clock are multiplied by
+1000, nothing contradicts this, since the clock without a unit may count in any unit.
 """
 
 
@@ -155,9 +156,13 @@ def renamed(names: dict[str, str]) -> Columns:
 class Table(NamedTuple):
     """A table in which one fact is falsified.
 
-    `columns`: the arrays and the sampling rates (single numbers), by name. `shows`: the answer in which the
-    reader has to show the change, as question, evidence and value; None if the reader has to refuse the file.
-    `says_as_much`: whether the file still says the same, so that a reader may also read it as before.
+    `columns`: the arrays and the sampling rates (single numbers), by name.
+
+    `shows`: None if the reader has to refuse the table. Otherwise the answer that shows the falsification:
+    question, evidence and value, such as ("unit", "stated", "rad/s").
+
+    `says_as_much`: whether the table still has the same meaning, for example if numbers are stored as texts.
+    The reader may then read it, too.
     """
 
     columns: Columns
@@ -183,8 +188,9 @@ TABLES = {
     "an axis is no number": Table({**WHOLE, "gyro_y_dps": np.full(len(TIMES_S), "on")}),
     "an axis is texts": Table({**WHOLE, "gyro_y_dps": GYRO_DPS[:, 1].astype("U")}, says_as_much=True),
 }
-"""Maps the fact that is falsified, such as the unit, to a table with this falsification. The reader must
-refuse the table, or one of its answers must show the wrong fact, if nothing else in the table contradicts it.
+"""Tables with a falsification each, by its name, such as "no unit". If something else in the table
+contradicts the false fact, or a fact is missing, the reader must refuse the table. Otherwise, one of its
+answers must show the false fact.
 """
 
 

@@ -107,8 +107,8 @@ COLUMNS = {"columns": ["t", "gx", "gy", "gz", "ax"], "units": ["s", *["rad/s"] *
 
 
 def beside(array: str, attributes: dict[str, Any], mark: str) -> dict[str, Any]:
-    """Return the facts `attributes` about an array, with the names that they get in the file. With "@" as
-    `mark` they become attributes of the array, with "_" arrays next to it.
+    """Return facts about an array, such as its unit, under the names that they get in the file. If `mark` is
+    "@", they become attributes of the array. If it is "_", they become arrays next to it.
     """
     return {f"{array}{mark}{name}": value for name, value in attributes.items()}
 

@@ -25,10 +25,11 @@ from tests.rig.mcap_support import files, kill, record, replay, transport
 
 
 class Case:
-    """A recording in many chunks, for each test to change.
+    """A recording in many chunks, for each test to change. The parts of its file are MCAP records, and some
+    of these records are chunks.
 
-    `places`: kind of each record of the file, with the offsets of its beginning and end. `chunks`: offsets of
-    the beginning and end of each chunk. `messages`: messages in each chunk.
+    `places`: kind, beginning and end of each record. `chunks`: beginning and end of each chunk. `messages`:
+    for each chunk, the messages in it. Beginnings and ends are offsets in the file.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -122,8 +123,8 @@ def test_any_hole_costs_the_chunks_that_it_touches_and_no_other(case: Case, at: 
     begin = first + int(at * (last - first))
     end = min(begin + size, last)
     case.punch(begin, end)
-    # The hole is a range of bytes that were replaced by zeros. If it covers only the field with the chunk's
-    # length, the chunk is still read, since the length also follows from its other fields.
+    # The bytes from `begin` to `end` were replaced by zeros. If these are only bytes at the beginning of a
+    # chunk, which hold its kind and length, the chunk is still read: other fields show its length, too.
     kept = [
         messages
         for (b, e), messages in zip(case.chunks, case.messages, strict=True)

@@ -187,7 +187,7 @@ def test_what_python_writes_for_missing_numbers_is_missing(tmp_path: Path) -> No
     assert found.whole().gyro == pytest.approx(np.delete(DPS, [7, 9], axis=0))
 
 
-# --- facts next to the table ---
+# --- facts (units, rates) next to the table ---
 
 
 BESIDE: dict[str, dict[str, Any]] = {

@@ -159,8 +159,8 @@ def test_lines_of_a_log_with_colours(tmp_path: Path) -> None:
 
 
 def test_positions_of_objects_are_those_of_the_table(tmp_path: Path) -> None:
-    """The positions that an error shows for the fields of JSON objects are those of the table's columns, even
-    if an object with other fields comes first.
+    """An error shows for each field the position by which `--columns` can name it. JSON objects with other
+    fields, also before the rows of the table, do not change the positions.
     """
     rows = [{"id": k, "t_ms": 10 * k, "v": row} for k, row in enumerate(GYRO.tolist())]
     lines = [json.dumps(row) for row in [{"a": 1, "b": 2, "c": 3, "d": 4, "e": 5}, *rows]]

@@ -71,7 +71,9 @@ def plain(n: int) -> Iterator[str]:
 
 
 def pages(n: int) -> Iterator[str]:
-    """Yield pages of rows, each with a header. One column is not used, and has another name on each page."""
+    """Yield rows, with a header before every ten rows (a page). The header's last column is not used, and has
+    another name on each page.
+    """
     for k in range(n):
         if k % 10 == 0:
             yield HEADER.strip() + f",page {k}\n"
@@ -117,10 +119,8 @@ def sensors(n: int) -> Iterator[str]:
 
 
 def by_position(before: int) -> dict[str, Any]:
-    """Return options that name the columns of the rates by their positions. `before` other columns stand in
-    front of them.
-
-    The first column of the table holds the times.
+    """Return options that name the columns of the rates by their positions: the three columns after the first
+    `before` ones. The first column of the table holds the times.
     """
     columns = [str(before + place) for place in (1, 2, 3)]
     return {"columns": columns, "units": "dps", "time_column": "1", "time_unit": "s"}

@@ -83,12 +83,13 @@ def test_a_gap_between_late_stamps() -> None:
 def test_late_stamps_just_before_and_after_a_gap() -> None:
     number = np.setdiff1d(np.arange(N), np.arange(1000, 1007))
     stamps = number * PERIOD_NS
-    # the stamps before the gap become later from sample to sample, but none is late by a whole period
+    # the stamps of the last three samples before the gap are late: by 0.4, 0.8 and 1.2 periods
     stamps[997:1000] += np.array([4, 8, 12]) * PERIOD_NS // 10
     assert judge(stamps, None).missing.tolist() == [7]
     stamps[1000:1003] += np.array([19, 14, 9]) * PERIOD_NS // 10
     assert judge(stamps, None).missing.tolist() == [7]
-    # now the stamp is so late that the samples may have been lost on either side of it
+    # now the last stamp before the gap is so late that some of the 7 samples may have been lost before it, so
+    # only the total is checked
     stamps[999] += 3 * PERIOD_NS
     assert judge(stamps, None).missing.sum() == 7
 
@@ -149,7 +150,7 @@ def test_a_stamp_that_repeats_the_one_before_is_no_lost_sample(
     n = 24_000
     number = np.arange(n) + lost * (np.arange(n) >= 12_000)
     stamps = number * PERIOD_NS + np.rint(rng.normal(0, jitter_ns, n)).astype(np.int64)
-    # stamps near the gap stay as they are: there it cannot be decided whether a stamp is old
+    # stamps near the gap stay as they are: beside a gap, an old stamp could also be another lost sample
     places = np.setdiff1d(np.arange(2, n - 2, 3), np.arange(11_990, 12_010))
     again = rng.choice(places, 48, replace=False)
     stamps[again] = stamps[again - 1] + behind_ns

@@ -193,9 +193,10 @@ def test_the_real_files_are_read(name: str, real: Files, folder: Path) -> None:
     "name", long_but(["rest.npz", "rest.csv", "ros2.db3", "rest.h5"], KINDS, quick=["rest.npy"])
 )
 def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path) -> None:
-    """Readers withstand changes anywhere in a file. Files that a library reads are tested with few examples.
+    """Readers withstand changes anywhere in a file.
 
-    For files that a library reads, the test only covers how errors of the library are handled.
+    If a library reads the file, this only tests how errors of the library are handled, so few examples are
+    enough.
     """
 
     @given(how=changes)

@@ -57,7 +57,7 @@ def test_hdf5_never_reads_another_file(
             file.create_group("imu").attrs.update({"pandas_type": "frame", "nblocks": 1})
             file["imu/block0_items"] = [b"gyro_x_dps"]
         for place, kind, target in places:
-            # one of these errors is raised if a link of this name exists already
+            # if two places have the same name, the second link raises one of these errors
             with contextlib.suppress(ValueError, OSError, RuntimeError):
                 _put(file, place, kind, target)
     before = os.getcwd()
@@ -125,12 +125,14 @@ def test_messages_of_any_width(
 
 
 class Wide(NamedTuple):
-    """A schema with message types T0, T1 …, each of which holds the next one.
+    """A schema with message types T0, T1 …, each of which has fields that hold the next type.
 
-    `names`: names of the first fields of each type. `fields`: number of further fields, which are numbers.
-    `types`: number of types. `parts`: number of fields of the next type in each type. `many`: length of each
-    of these fields, if it is an array; 0: a list of any length; None: a single message. `is_circle`: whether
-    the last type holds the first one.
+    `names`: names of the first fields of each type, which hold numbers. `fields`: how many more fields with
+    numbers each type has. `types`: number of types.
+
+    `parts`: number of fields that hold the next type. `many`: None if such a field holds one message;
+    otherwise it holds an array of this length, where 0 means any length. `is_circle`: whether the last type
+    holds T0.
     """
 
     names: list[str]
@@ -141,8 +143,8 @@ class Wide(NamedTuple):
     is_circle: bool
 
     def parts_of(self, number: int) -> list[tuple[str, int]]:
-        """Return those fields of the type T`number` whose values are of another type T: for each its name and
-        the number of that other type.
+        """Return the fields of the message type T`number` that hold messages. For each, return its name and
+        the number of the type that it holds.
         """
         following = (number + 1) % self.types if self.is_circle else number + 1
         return [(f"p{k}", following) for k in range(self.parts)] if following < self.types else []
@@ -165,8 +167,8 @@ def _protobuf(wide: Wide) -> bytes:
     label = field.LABEL_OPTIONAL if wide.many is None else field.LABEL_REPEATED
     for number in range(wide.types):
         message = file.message_type.add(name=f"T{number}")
-        # Fields that hold messages get the numbers 1, 2, …, since the bytes in MESSAGES have values of the
-        # field 1.
+        # Fields that hold messages get the numbers 1, 2, …, since MESSAGES (below) has bytes that put
+        # messages into the field 1.
         for place, (name, inner) in enumerate(wide.parts_of(number), 1):
             message.field.add(
                 name=name, number=place, label=label, type=field.TYPE_MESSAGE, type_name=f".robot.T{inner}"
@@ -211,8 +213,7 @@ WIDE = st.builds(
 MESSAGES = (
     st.binary(max_size=200)
     | st.integers(0, 60_000).map(bytes)
-    # protobuf with messages in the field 1: first, many empty messages in a row; second, messages each of
-    # which contains the next
+    # Protobuf messages in the field 1: many empty ones in a row, or each one inside the one before
     | st.integers(0, 30_000).map(lambda n: b"\x0a\x00" * n)
     | st.integers(0, 60).map(lambda n: b"".join(bytes([10, 2 * k]) for k in range(n, -1, -1)))
     | st.integers(0, 5000).map(lambda n: json.dumps(_wide(n, 1, 3, 0.5)).encode())

@@ -110,9 +110,8 @@ def test_rates_that_no_gyroscope_has_are_refused_by_whomever_their_unit_is(tmp_p
 
 @pytest.mark.parametrize("rests", [False, True])
 def test_a_robot_that_moves_is_not_doubted(tmp_path: Path, rests: bool) -> None:
-    """A robot's vibration looks like noise in a wrong unit, but it also shakes the accelerometer.
-
-    If the robot rests at times, its recording has quiet stretches. So the unit is not doubted.
+    """Rates of a moving robot are as large as noise in a wrong unit. The unit is not doubted if the
+    accelerometer shakes, too, or if the robot rests at times, so that some stretches are quiet.
     """
     rng = np.random.default_rng(5)
     moving = rng.normal(0, 0.2, (N, 3))

@@ -22,9 +22,9 @@ NOWHERE = st.sets(st.integers(1, N - 2), max_size=40)
 
 
 def jitter(seed: int, most: float) -> np.ndarray:
-    """Return a random jitter for each of the N times, in sampling periods.
+    """Return a random shift for each of the N times, in sampling periods.
 
-    `most`: largest change of the step between two times by the jitter, also in sampling periods.
+    `most`: the shifts change the step between two times by at most this many periods.
     """
     return np.random.default_rng(seed).uniform(-most / 2, most / 2, N)
 
@@ -136,8 +136,8 @@ def test_a_file_has_the_rate_and_the_samples_of_its_sensor(
 
 
 def test_a_clock_with_many_rows_between_is_none(tmp_path: Path) -> None:
-    """If two steps in ten contain surplus rows, the times have no recognisable period, and are refused as
-    uneven.
+    """If every tenth step between samples contains a surplus row, the times have no recognisable period, and
+    are refused as uneven.
     """
     times, _ = with_rows(np.arange(3000) / 100, {*range(2, 2998, 10)}, 3, 0.01)
     assert "the steps of 'time_s' are too uneven for a sensor's clock" in refusal(

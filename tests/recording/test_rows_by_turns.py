@@ -31,7 +31,9 @@ def test_rows_by_turns(form: Callable[..., Stored], count: int, tmp_path: Path) 
 
 @pytest.mark.parametrize(("count", "later_s"), [(2, 0.003), (3, 0.002)])
 def test_steps_that_come_again_are_sensors_in_turns(count: int, later_s: float, tmp_path: Path) -> None:
-    """The times of alternating sensors are not taken for an even clock of a higher rate, nor for bursts."""
+    """The times of alternating sensors have unequal steps that repeat. They are not taken for bursts of rows,
+    nor for an even clock of a higher rate: the user is asked.
+    """
     columns = table(NUMBERS, [*range(count)] * N, later_s=later_s)
     del columns["sensor_id"]
     asked = refusal(csv, tmp_path, columns)
@@ -45,9 +47,10 @@ def test_steps_that_come_again_are_sensors_in_turns(count: int, later_s: float, 
 def test_rows_by_turns_stay_in_turn_behind_a_lost_row(
     form: Callable[..., Stored], later_s: float, tmp_path: Path
 ) -> None:
-    """If both rows of a pair have the same time and one is lost, the sensor of the other row is unknown.
+    """The rows of two sensors alternate, and some rows are lost. If the two sensors' rows have equal times,
+    the row that is left of a pair may be of either sensor, so it is left out.
 
-    If the rows of a pair have different times, these show the sensor.
+    If their times differ, these show the sensor.
     """
     columns = table(NUMBERS, [0, 1] * N, later_s=later_s)
     lost = [60, 121, 240, 241, 301]
@@ -85,7 +88,9 @@ def test_turns_that_cannot_be(given_: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("ids", [NUMBERS, WORDS], ids=["numbers", "words"])
 @pytest.mark.parametrize("later_s", [0.0, 0.003, 0.005])
 def test_live_rows_by_turns_end_the_reading(column: str, ids: list[str], later_s: float) -> None:
-    """The first row alone does not show that rows of several sensors alternate."""
+    """The first row alone does not show that rows of several sensors alternate. So the reading begins, and
+    ends with an error when later rows show it.
+    """
     columns = table(ids, [0, 1] * N, column, later_s)
     lines = [",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values(), strict=True))]
     live = TextEvents("stdin:", How(), fatal=False)

@@ -78,8 +78,8 @@ def test_a_file_with_parts_of_seconds_alone_is_one_run(name: str, tmp_path: Path
 @pytest.mark.parametrize("lost", [100, 300, 1000])
 @pytest.mark.parametrize("form", ["%.2f", "%.3f"])
 def test_samples_that_are_lost_evenly_are_lost(tmp_path: Path, lost: int, form: str) -> None:
-    """Times in hundredths of a second, some of which are missing evenly, could also be those of a sensor at
-    99 Hz.
+    """Times in hundredths of a second, of which every hundredth is missing, could also be those of a sensor
+    at 99 Hz.
 
     The times are read as 100 Hz with lost rows, since 99 Hz is an unusual rate.
     """

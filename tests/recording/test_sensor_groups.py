@@ -158,7 +158,7 @@ def test_groups_are_the_path_before_the_axis(path: list[str], axis: str) -> None
         assert groups == {".".join(path): [0]}
 
 
-# --- a rate belongs to its group ---
+# --- sampling rates of groups ---
 
 
 def rates(folder: Path, read: Callable[..., Stored], **scalars: float) -> Stored:

@@ -36,8 +36,8 @@ NOISE = RNG.normal(size=400)
     ],
 )
 def test_what_is_no_sensor_is_not_asked_for(column: Any) -> None:
-    """Columns that hold a status, an activity, digits that are noise, flags, or counters do not distinguish
-    sensors.
+    """Columns with a status, an activity, a rounded temperature, flags, or counters do not distinguish
+    sensors, although they hold few different values.
     """
     cells = [str(cell) for cell in column.tolist()]
     values = np.column_stack([ROW / 100, NOISE, RNG.normal(size=400)])
@@ -96,8 +96,7 @@ def test_two_kinds_of_sensors_are_known_by_their_figures() -> None:
     later=st.sampled_from([0.0, 0.2, 0.5]),
     which=st.integers(0, 1),
 )
-# all rows are in one piece, and one row is missing; from there on, the other sensor's rows stand at each
-# position
+# all rows come in one piece, and row 41 is missing: from there on, the two sensors have changed positions
 @example(gone={41}, cuts=[], later=0.2, which=0)
 def test_turns_are_kept_in_whatever_pieces_rows_come(
     gone: set[int], cuts: list[int], later: float, which: int

@@ -17,8 +17,8 @@ GYRO_DPS = np.round(np.random.default_rng(3).normal([0.5, -0.3, 0.2], 0.2, (N, 3
 def table(head: str, separator: str = ",", times_s: float | None = 1.0, factor: float = 1.0) -> str:
     """Return a text that consists of a head and rows.
 
-    `times_s`: length of the unit in which the column of times counts [s], or None for no such column.
-    `factor`: the rates in deg/s are multiplied by this factor.
+    `times_s`: unit of the times, in seconds, such as 0.001 for ms; None for no column of times. `factor`: the
+    rates in deg/s are multiplied by this factor.
     """
     rows = []
     for k, rates in enumerate(GYRO_DPS * factor):
@@ -210,7 +210,9 @@ def test_scales_in_a_head_hold_whatever_unit_is_given(tmp_path: Path) -> None:
 
 
 def test_seconds_in_two_columns_are_one_clock_beside_another(tmp_path: Path) -> None:
-    """The program bagpy writes a topic in this form, with the times of recording and of the message."""
+    """The program bagpy writes a topic of a ROS bag in this form. `Time` is the time of recording; `secs` and
+    `nsecs` together are the time of the message.
+    """
     head = (
         "Time,header.stamp.secs,header.stamp.nsecs,angular_velocity.x,angular_velocity.y,angular_velocity.z"
     )

@@ -139,8 +139,10 @@ def test_times_that_number_nothing_are_told(tmp_path: Path) -> None:
 
 
 def test_jitter_of_a_device_is_no_gap_and_times_of_arrival_are_refused(tmp_path: Path) -> None:
-    """Small jitter of a device's times gives no gaps, and times that arrive in bursts are refused. If each
-    step were rounded to periods separately, jitter would give gaps, and bursts would give a wrong rate.
+    """Jitter of 5 % of the period, as of a device's clock, gives no gaps. Jitter of 40 %, as of times of
+    arrival, is refused as too uneven.
+
+    If each step were rounded to whole periods by itself, jitter would give gaps.
     """
     random = np.random.default_rng(1)
     small, large = (np.arange(2000) * 0.01 + random.uniform(-s, s, 2000) for s in (0.0005, 0.004))

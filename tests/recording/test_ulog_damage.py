@@ -118,7 +118,7 @@ def test_a_log_with_a_part_appended_after_a_crash(tmp_path: Path) -> None:
     """A log has a part that was appended after a crash. The message that was being written at the crash is
     truncated.
 
-    Holes before the appended part do not change its offset.
+    The file states the offset of the appended part. This offset still counts if bytes before it are damaged.
     """
     flags = bytes(8) + b"\x01" + bytes(7) + struct.pack("<3Q", MIDDLE + 20, 0, 0)
     data = WHOLE[: MIDDLE + 20] + WHOLE[MIDDLE + MESSAGE :]

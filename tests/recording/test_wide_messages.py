@@ -32,11 +32,10 @@ def objects(more: int = 0) -> list[dict[str, Any]]:
 
 
 def schema_of(fields: int, parts: int = 0) -> bytes:
-    """Return the Protobuf schema of a message with `fields` fields of type double, the first of which have
-    the names NAMES.
+    """Return the Protobuf schema of a message with `fields` fields of type double. The first of these fields
+    have the names NAMES.
 
-    `parts`: number of fields in each message of a list that this message contains. If it is 0, the message
-    contains no list.
+    The message also has a list of messages of another type. `parts`: number of fields of that type.
     """
     found = descriptor_pb2.FileDescriptorSet()
     file = found.file.add(name="imu.proto", package="robot", syntax="proto3")
