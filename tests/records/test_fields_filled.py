@@ -19,21 +19,17 @@ from tests.rig.host_support import ROOT
 MOST = 30
 """A number larger than the number of fields of any record.
 
-If a call has `*arguments`, it counts as a call with this many arguments.
+A call with `*arguments` may set any number of fields. It counts as a call with this many arguments.
 """
 
 Fields = set[tuple[str | None, str | int]]
-"""Arguments of calls in the host's code. Each consists of the name of what is called, and the argument's name
-or position.
+"""Arguments of calls in the host's code: for a positional argument, the name of what is called and the
+argument's position; for a keyword argument, None and the argument's name.
 """
 
 
 def arguments(source: str) -> Iterator[tuple[str | None, str | int]]:
-    """Yield all arguments of calls in source code.
-
-    A positional argument is yielded as the name of what is called and the argument's position, a keyword
-    argument as None and the argument's name.
-    """
+    """Yield all arguments of all calls in source code, each as in `Fields`."""
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Call):
             yield from ((None, one.arg) for one in node.keywords if one.arg)
@@ -43,7 +39,7 @@ def arguments(source: str) -> Iterator[tuple[str | None, str | int]]:
 
 
 def structs(hint: object, found: set[type[msgspec.Struct]]) -> set[type[msgspec.Struct]]:
-    """Add all record types in a type hint, and the types of their parts, to `found`; return `found`."""
+    """Add all record types in a type hint, and those of their fields, to `found`. Return `found`."""
     for part in typing.get_args(hint):
         structs(part, found)
     if isinstance(hint, type) and issubclass(hint, msgspec.Struct) and hint not in found:
