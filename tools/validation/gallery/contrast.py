@@ -1,10 +1,10 @@
-"""Computes by how much the expected 2 log L of a family's best model falls short of that of the truth.
+"""Computes how well the best model of a family can describe a known noise.
 
-A family is a set of models with free parameters. Let S be the true spectrum. The 2 log L of a model with the
-spectrum M is on average smaller than that of the truth by 2 Σ (log(M / S) + S / M - 1), where the sum is over
-all ordinates. This is the model's shortfall. Apart from chance, no fit with a model of the family falls short
-by less than the smallest shortfall in the family. So the smallest shortfall tells whether a record can
-exclude the family. scipy finds the minimum; no code is shared with the fits.
+A family is a set of models with free parameters. Each model has a spectrum M; the true spectrum of the noise
+is S. In a fit, 2 log L (L: likelihood) is on average smaller for M than for S by 2 Σ (log(M / S) + S / M -
+1), where the sum is over all frequencies of the periodogram. This is the model's shortfall. A record
+can exclude the family only if even the smallest shortfall in the family is larger than what chance can do.
+scipy finds this minimum. No code is shared with the fits.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,27 +20,27 @@ Family = Callable[[Array, Array], Array]
 parameters, of shape (k, count), and the frequencies λ (bins,). The spectra have the shape (count, bins).
 """
 Nearest = Callable[["Bins"], float]
-"""Function that returns how far 2 log L of the best model of one family stays below that of the truth, for a
-record with the given bins.
+"""A function for one family of models. For a record with the given bins, it returns how much smaller 2 log L
+(L: likelihood) is for the best model of the family than for the true spectrum.
 """
 
 BINS = 160
 FIRST = 10
-"""Number of the lowest ordinate that is fitted. Lower ordinates, with fewer periods in the record, do not
-determine a model.
+"""The lowest frequency that is fitted has this number of periods in the record. Lower frequencies of the
+periodogram say too little about a model.
 """
 DEEPEST = 1e-6
-"""Densities below this proportion of a spectrum's highest density are replaced by this proportion of it. In
-periodograms, the zeros of filters are no deeper.
+"""Lowest density of a true spectrum, divided by its highest density. Lower densities are raised to this one.
+A periodogram does not show lower densities either, not even where a filter stops everything.
 """
 FLOOR = -3.0
-"""White noise may be added after a low-pass. This is the logarithm of the largest ratio of its density to the
-density that the low-pass lets pass.
+"""In the family `low_pass`, white noise is added after the filter. Its density is at most exp(FLOOR) times
+the density that passes the filter at low frequencies.
 """
 POINTS, MOST_POINTS, STARTS = 15, 3_400, 6
-"""The parameters are first tried on a grid. POINTS: number of points for each parameter, unless the whole
-grid would then have more than MOST_POINTS points. STARTS: this many of the best points, and as many of the
-best local minima of the grid, are points at which a search begins.
+"""The shortfall is first computed on a grid of parameters. POINTS: number of values of each parameter, or
+fewer, so that the grid has at most MOST_POINTS points. STARTS: a search begins at each of the STARTS points
+with the smallest shortfalls, and at each of the STARTS lowest local minima.
 """
 RELAXATIONS = 6
 
@@ -71,7 +71,7 @@ def bins_of(spectrum: Callable[[Array], Array], n: int, around: Sequence[tuple[f
 
 
 def below(bins: Bins, lam: float) -> Bins:
-    """Return the bins below λ."""
+    """Return the bins whose frequency is below `lam` [rad per sample]."""
     keep = bins.lam < lam
     return Bins(bins.lam[keep], bins.weight[keep], bins.truth[keep])
 
@@ -90,11 +90,12 @@ def shortfall(bins: Bins, models: Array) -> Array:
 
 
 def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
-    """Return how far 2 log L of the best model of a family stays below that of the truth.
+    """Return the smallest shortfall in a family of models (see `shortfall`).
 
     `box`: the range of each parameter.
 
-    Searches begin at the best points and at local minima of a grid.
+    Shortfalls are computed on a grid of parameters. Searches begin where they are smallest, and at the local
+    minima of the grid.
     """
     points = min(POINTS, int(MOST_POINTS ** (1 / len(box))))
     grid = np.stack(np.meshgrid(*(np.linspace(*side, points) for side in box), indexing="ij"))
@@ -112,8 +113,8 @@ def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
     valleys = np.flatnonzero(found == around)
     ends = []
     for at in {*valleys[np.argsort(found[valleys])[:STARTS]].tolist(), *np.argsort(found)[:STARTS].tolist()}:
-        # Each search begins with a least-squares search. Near the truth the shortfall is a sum of squares
-        # with narrow valleys, in which the second search alone would get stuck.
+        # Near the true spectrum, the shortfall is about a sum of squares, and its minimum lies in a narrow
+        # valley. L-BFGS-B alone would get stuck there. A least-squares search therefore goes first.
         near = least_squares(apart, flat[:, at], bounds=np.transpose(box), x_scale="jac", max_nfev=200).x
         ends.append(minimize(behind, near, method="L-BFGS-B", bounds=box).fun)
     return float(min(ends))
@@ -122,7 +123,7 @@ def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
 def _with_floor(shape: Array, log_floor: Array) -> Array:
     """Add white noise to spectra.
 
-    `log_floor`: logarithm of the white noise's density, relative to the scale of the spectrum.
+    `log_floor`: for each spectrum, the logarithm of the white noise's density, in the unit of the spectrum.
     """
     return np.asarray(shape + np.exp(log_floor)[:, np.newaxis])
 
@@ -178,67 +179,70 @@ ORDERS, RATES, WHITE, RISES = (0.15, 0.85), (-9.0, 0.5), (-14.0, 10.0), ((-10.0,
 CORNERS, SIZES, WALKS = (-7.0, 2.0), (-8.0, 10.0), (-14.0, 14.0)
 
 state = _nearest(_state, ORDERS, RATES, WHITE)
-"""Returns how far 2 log L of the best model stays below that of the truth. The models: D^α x = f x + ω, with
-an order of 0.15 to 0.85, in white noise.
+"""Returns how much less 2 log L (L: likelihood) is for the best of these models than for the true spectrum:
+D^α x = f x + ω, with an order α of 0.15 to 0.85, in white noise.
 """
 arfima = _nearest(_arfima, ORDERS, (-7.0, 1.5), WHITE)
-"""Returns how far 2 log L of the best model stays below that of the truth. The models: ARFIMA(1, d, 0), with
-an order d of 0.15 to 0.85, in white noise.
+"""Returns how much less 2 log L (L: likelihood) is for the best of these models than for the true spectrum:
+ARFIMA(1, d, 0), with an order d of 0.15 to 0.85, in white noise.
 """
 order_and_rise = _nearest(
     lambda p, lam: _state(p, lam) + _rise(p[3], p[4], lam), ORDERS, RATES, WHITE, *RISES
 )
-"""Returns how far 2 log L of the best model stays below that of the truth. The models: D^α x = f x + ω plus
-noise whose density rises with at most the 4th power of frequency, in white noise.
+"""Returns how much less 2 log L (L: likelihood) is for the best of these models than for the true spectrum:
+D^α x = f x + ω plus noise whose density rises with at most the 4th power of frequency, in white noise.
 """
 high_passed_order = _nearest(_high_passed_order, ORDERS, RATES, WHITE, CORNERS, (1.0, 3.0))
-"""Returns how far 2 log L of the best model stays below that of the truth. The models: D^α x = f x + ω in
-white noise, after a high-pass of one to three poles.
+"""Returns how much less 2 log L (L: likelihood) is for the best of these models than for the true spectrum:
+D^α x = f x + ω in white noise, after a high-pass of one to three poles.
 """
 one_relaxation = _nearest(lambda p, lam: _with_floor(_scaled(_ar1(p[0], lam)), p[1]), CORNERS, SIZES)
-"""Returns how far 2 log L of the best model stays below that of the truth. The models: AR(1) in white noise.
+"""Returns how much less 2 log L (L: likelihood) is for the best of these models than for the true spectrum:
+one relaxation (AR(1)) in white noise.
 """
 walk = _nearest(_walk, WALKS)
-"""Returns how far 2 log L of the best model stays below that of the truth. The models: a random walk in white
-noise.
+"""Returns how much less 2 log L (L: likelihood) is for the best of these models than for the true spectrum:
+a random walk in white noise.
 """
 walk_and_rise = _nearest(lambda p, lam: _walk(p, lam) + _rise(p[1], p[2], lam), WALKS, *RISES)
-"""Returns how far 2 log L of the best model stays below that of the truth. The models: a random walk plus
-noise whose density rises with at most the 4th power of frequency, in white noise.
+"""Returns how much less 2 log L (L: likelihood) is for the best of these models than for the true spectrum:
+a random walk plus noise whose density rises with at most the 4th power of frequency, in white noise.
 """
 walk_and_relaxation = _nearest(_walk_and_relaxation, WALKS, CORNERS, SIZES)
-"""Returns how far 2 log L of the best model stays below that of the truth. The models: a random walk and one
-relaxation, in white noise.
+"""Returns how much less 2 log L (L: likelihood) is for the best of these models than for the true spectrum:
+a random walk and one relaxation, in white noise.
 """
 low_pass = _nearest(_low_pass, (-5.0, 1.2), (1.0, 8.0), (-12.0, FLOOR))
-"""Returns how far 2 log L of the best model stays below that of the truth. The models: white noise after a
-low-pass of one to eight poles, plus a little white noise that does not pass the filter.
+"""Returns how much less 2 log L (L: likelihood) is for the best of these models than for the true spectrum:
+white noise after a low-pass of one to eight poles, plus a little white noise that does not pass the filter.
 """
 rising = _nearest(
     lambda p, lam: _with_floor((2 * np.sin(lam / 2)) ** (2 * p[0][:, np.newaxis]), p[1]),
     (0.0, 2.0),
     (-6.0, 6.0),
 )
-"""Returns how far 2 log L of the best model stays below that of the truth. The models: noise whose density
-rises with at most the 4th power of frequency, in white noise.
+"""Returns how much less 2 log L (L: likelihood) is for the best of these models than for the true spectrum:
+noise whose density rises with at most the 4th power of frequency, in white noise.
 """
 
 
 def white(bins: Bins) -> float:
-    """Return by how much 2 log L of white noise falls short of that of the true spectrum in `bins`."""
+    """Return how much less 2 log L (L: likelihood) is for white noise than for the truth in `bins`."""
     return float(shortfall(bins, np.ones((1, len(bins.lam))))[0])
 
 
 def order(bins: Bins) -> float:
-    """Return how far 2 log L of the best model with a fractional order stays below that of the truth.
+    """Return how much less 2 log L (L: likelihood) is for the best model with an order than for the truth.
 
-    The models are the fractional state (`state`) and ARFIMA.
+    The models are the fractional state (`state`) and ARFIMA (`arfima`). The truth is the spectrum in `bins`.
     """
     return min(state(bins), arfima(bins))
 
 
 def without_order(bins: Bins) -> float:
-    """Return how far 2 log L of the best sum of parts without an order stays below that of the truth.
+    """Return how much less 2 log L (L: likelihood) is for the best sum of parts than for the true spectrum.
+
+    None of the parts has a fractional order.
 
     The parts are six relaxations (first-order Gauss-Markov processes), one relaxation that alternates in
     sign, a random walk, quantisation and white noise. The parts can have any sizes. Each search starts with
@@ -262,9 +266,9 @@ def _mixed(bins: Bins, log_corners: Array) -> float:
     poles = len(halves)
 
     def behind(p: Array) -> tuple[float, Array]:
-        """Return how far the model's 2 log L is below the truth's, and the derivatives of this.
+        """Return the shortfall of a model, and its derivatives by the parameters `p` (see `shortfall`).
 
-        The derivatives are those with respect to the logarithms of corners and sizes.
+        The parameters are the logarithms of the relaxations' corners and of the sizes of all parts.
         """
         corner = np.exp(p[:poles, np.newaxis])
         pole, rest = np.exp(-corner), -np.expm1(-corner)

@@ -24,10 +24,8 @@ MPU9250_DLPF = {250: 0.97, 184: 2.9, 92: 3.9, 41: 5.9, 20: 9.9, 10: 17.85, 5: 33
 map.
 """
 CONSTANT_DELAY_MS = 1.9
-"""The delays in MPU9250_DLPF are longer by this time than 0.159 / bandwidth, the delay of a filter with one
-pole [ms].
-
-The difference is the same for all bandwidths. This shows that the filter has one pole.
+"""A filter with one pole has the delay 0.159 / bandwidth. The delays in MPU9250_DLPF are longer by about this
+time [ms], at all bandwidths but 250 Hz. So they are those of a filter with one pole, plus a constant.
 """
 
 
@@ -105,8 +103,8 @@ class Median(NamedTuple):
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """Return the density at the frequencies `lam` [rad per sample].
 
-        The density is computed from the autocovariance of a long record, which is 0 at lags beyond the
-        window's length.
+        The density is computed from the autocovariance of a long record. Medians that are `samples` or more
+        apart have no input in common, so their autocovariance is 0.
         """
         found = np.full_like(lam, (covariance := _covariance(self))[0])
         for lag in range(1, self.samples):
@@ -140,8 +138,8 @@ class Through(NamedTuple):
             e = rng.standard_normal(count)
             for size, one in slow:
                 e += one.run(size * rng.standard_normal(count))
-            # Decimation divides the density below the corner by m. The noise is therefore drawn with m times
-            # the variance, so that the density of the output is that of the input.
+            # To keep only every m-th sample divides the density by m, at frequencies that the filter passes.
+            # The input is therefore drawn with m times the variance.
             out[at : at + count // m] = stream.run(math.sqrt(m) * e)[::m]
         return out
 
@@ -177,9 +175,8 @@ class Held(NamedTuple):
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """Return the density at the frequencies `lam` [rad per sample].
 
-        Which readings repeat a value is periodic: the density is the mean over the readings of one period
-        (`pattern`). It is 1 + 2 Σ p cos(lag λ), where p is the proportion of readings whose value is the same
-        `lag` readings later.
+        It is 1 + 2 Σ p(lag) cos(lag λ), where λ is the frequency. p(lag) is the proportion of readings whose
+        value is read again `lag` readings later. It is counted over one cycle (`pattern`).
         """
         count = len(self.pattern)
         at = np.concatenate([self.pattern, np.array(self.pattern) + self.fresh])
@@ -192,9 +189,9 @@ class Held(NamedTuple):
 class Jittered(NamedTuple):
     """White noise plus a relaxation (a first-order Gauss-Markov process).
 
-    The relaxation is read with a random delay of up to half a period.
+    The relaxation is read with a random delay of up to half a sampling period.
 
-    `steps`: number of time steps in a sampling period at which the relaxation is computed.
+    `steps`: number of values of the relaxation that are computed in each sampling period.
     """
 
     hz: float
@@ -227,10 +224,10 @@ class Jittered(NamedTuple):
         return np.asarray(1 + variance * (1 - spread + spread * ar1))
 
     def _scale(self, rate_hz: float) -> float:
-        """Return the factor by which `height` is multiplied before samples of the relaxation are generated.
+        """Return the factor by which `height` is multiplied to draw the relaxation in `steps` fine steps.
 
-        With this factor, the relaxation's density at low frequencies would be `height` if its samples were
-        read without jitter.
+        Read once in each sampling period, without jitter, the relaxation then has the density `height` at low
+        frequencies.
         """
         pole = math.exp(-2 * math.pi * self.hz / rate_hz)
         fine = math.exp(-2 * math.pi * self.hz / (self.steps * rate_hz))

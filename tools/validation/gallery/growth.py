@@ -1,9 +1,10 @@
 """Measures whether more data ever give a weaker verdict, on growing records of the gallery's noises.
 
 A record of each noise is drawn at the greatest length, and the shorter records are beginnings of it. Each
-verdict is compared with the verdict on the next shorter record. It is weaker in two cases: it is wrong and
-the earlier verdict was right, or it is "white" although this is not right and the earlier verdict was not
-"white".
+verdict is compared with the verdict on the next shorter record. It is weaker than that in two cases:
+
+- It is wrong, and the verdict on the shorter record was right.
+- It is "white" although "white" is not right, and the verdict on the shorter record was not "white".
 """
 
 import itertools
@@ -56,9 +57,9 @@ def says_less(rows: list[Row]) -> list[Row]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return two tables, of the verdicts for each length and of the weaker verdicts.
+    """Return a sentence and two tables: the verdicts at each length, and those that became weaker.
 
-    The second table has the records that get a weaker verdict when they grow.
+    The second table has a row for each verdict that is weaker than that on the next shorter record.
     """
     by_noise = grouped(rows, lambda row: row["noise"])
     cells = [

@@ -37,8 +37,10 @@ Truth = Literal[
 class Line(NamedTuple):
     """A sine of constant frequency, which is aliased by sampling.
 
-    `of` says what `hz` means. "hz": the frequency [Hz]. "rate": the frequency divided by the sample rate.
-    "nyquist": the distance below half the sample rate [Hz].
+    `of` says what the number `hz` means:
+        "hz": the frequency [Hz];
+        "rate": the frequency divided by the sample rate;
+        "nyquist": half the sample rate minus the frequency [Hz].
     """
 
     hz: float
@@ -80,7 +82,7 @@ class Drift(NamedTuple):
 def rounded(sigma: float) -> Treatment:
     """Return a treatment that rounds samples to whole counts.
 
-    Before, it scales them to the standard deviation `sigma` and adds 0.3 [counts].
+    Before rounding, the samples are scaled to the standard deviation `sigma`, and 0.3 is added [counts].
     """
     return lambda y, rng: np.asarray(np.rint(sigma * y / y.std() + 0.3))
 
@@ -161,8 +163,8 @@ class Noise(NamedTuple):
     such problem.
     """
     spread: float | None = None
-    """Variance of the white noise that `treatment`, such as rounding, adds to the samples, if the parts
-    together have the variance 1. None if it adds no white noise.
+    """The `treatment` may add white noise, as rounding does. This is the variance of that noise, divided by
+    the variance of all parts together. None if no white noise is added.
     """
     accepted: Accepted | None = None
 

@@ -71,7 +71,10 @@ def _filtered(name: str, words: str, low_pass: LowPass, *behind: Part, drift: Dr
 
 
 def _flicker_before(name: str, words: str, low_pass: LowPass) -> Noise:
-    """Return white noise and 1/f noise below 1 Hz (a sum of relaxations), after a filter."""
+    """Return white noise plus 1/f noise (a sum of relaxations), both after a low-pass.
+
+    The 1/f noise is the stronger one below 1 Hz.
+    """
     words = f"white noise plus 1/f noise below 1 Hz ({A_DECADE} relaxations a decade), after {words}"
     part = Through(low_pass, ladder(1e-4, 2 * low_pass.hz, A_DECADE, 1.0))
     return Noise(name, words, "filtered order", (part,))

@@ -129,9 +129,9 @@ def ladder(low_hz: float, high_hz: float, a_decade: float, corner_hz: float) -> 
     `corner_hz`: frequency at which the 1/f noise has the same density as the white noise.
     """
     count = round(math.log10(high_hz / low_hz) * a_decade) + 1
-    # Each relaxation with corner c gets the density level / c at frequency 0. With `a_decade` relaxations per
-    # decade, the density of their sum at frequency f is then about level · a_decade / ln 10 · π / (2 f).
-    # `level` is chosen so that this is 1, the density of the white noise, at f = corner_hz.
+    # At frequency 0, a relaxation with the corner c gets the density level / c. The density of the sum of all
+    # relaxations at a frequency f is then about level · a_decade / ln 10 · π / (2 f). At f = corner_hz this
+    # shall be 1, the density of the white noise. `level` follows from this.
     level = corner_hz * math.log(10) / (a_decade * math.pi / 2)
     return tuple(
         Relaxation(corner, level / corner) for corner in np.geomspace(low_hz, high_hz, count).tolist()
@@ -173,7 +173,8 @@ class Fractional(NamedTuple):
     def g(self, rate_hz: float) -> float:
         """Return g = h^α f, where h is the sampling period.
 
-        At slow sample rates, g is limited to half of the range of values with which x does not grow.
+        x stays bounded only for g from -2^α to 0, or to the sum of `_weights()` if `window` is limited. g is
+        kept in half of this range, since f may lead beyond it at slow sample rates.
         """
         g = float(rate_hz**-self.alpha) * self.f
         most = float(self._weights().sum()) / 2 if self.window else 0.0
@@ -193,7 +194,7 @@ class Fractional(NamedTuple):
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         if self.f == 0:
-            # Start one record length before the first sample. Steps before that would only add an offset.
+            # Each sample depends on the n + 1 latest steps. Earlier ones would add little but an offset.
             response = fractional_difference(self.alpha, n + 1)
         else:
             length = min(LONGEST_MEMORY, 1 << (max(n, 1 << 16) - 1).bit_length())

@@ -15,10 +15,11 @@ A period has at least FEWEST_SAMPLES samples. A record has more than FEWEST_PERI
 of the record with itself one period later is more than SURELY_ALIKE standard deviations.
 """
 FAR, FEW_ORDINATES, MANY_ORDINATES = 5.0, 10.0, 100.0
-"""Limits that decide whether a sine of varying frequency has to be found as a spectral line.
+"""Limits for a sine of varying frequency, on which "resonance" is the right verdict.
 
-FAR is the ratio of the line's frequency to the standard deviation of this frequency. FEW_ORDINATES and
-MANY_ORDINATES are a small and a large number of ordinates within one such standard deviation.
+The aliased frequency is far from 0 if it is more than FAR of its standard deviations. If the periodogram has
+enough frequencies (ordinates) within one standard deviation, no other verdict is accepted. Far from 0, more
+than FEW_ORDINATES are enough. Near 0, more than MANY_ORDINATES are.
 """
 
 
@@ -69,7 +70,7 @@ Said = tuple[set[VerdictKind], dict[VerdictKind, str]]
 
 
 def right_periodic(one: Glitches | WanderingLine, rate_hz: float, n: int) -> Said:
-    """Return the right and the accepted verdicts on this addition to white noise of variance 1."""
+    """Return the right and the accepted verdicts on white noise of variance 1 to which `one` is added."""
     return _glitches(one, rate_hz, n) if isinstance(one, Glitches) else _wandering(one, rate_hz, n)
 
 

@@ -22,29 +22,29 @@ from tools.validation.gallery.parts import Differenced, Notched, Resonance, Whit
 from tools.validation.gallery.periodic import right_periodic
 
 SAME = 6.0
-"""A record cannot distinguish two spectra if the expected difference of their 2 log L is below this value."""
+"""A record tells two spectra apart only if their 2 log L (L: likelihood) should differ by this or more."""
 UNSEEN = 2.0
-"""A record cannot distinguish a spectrum from white noise if the expected difference of their 2 log L is
-below this value.
-"""
+"""A record tells a spectrum from white noise only if their 2 log L should differ by this or more."""
 LUCK = 2.0
-"""Chance may change a difference of 2 log L by LUCK times 2 √(expected difference), its standard deviation.
+"""Chance may change a difference of 2 log L (L: likelihood) by LUCK standard deviations. One standard
+deviation is 2 √(expected difference).
 """
 MORE = 13.0
-"""By chance, 2 log L of a sum of parts without an order may be larger by this much than 2 log L of an order.
-The reason is that the sum has more parameters.
+"""A sum of parts without an order has more parameters than an order. By chance alone, this may make its
+2 log L (L: likelihood) larger by this much.
 """
 WITHOUT_ORDER = "a sum of relaxations, a walk and a rise"
 SLOW_ORDINATES = 9
 DRIFTS = 1.5
-"""A noise drifts if the expected power of its slowest ordinates exceeds this many times that of white noise.
+"""A noise drifts if its mean density at the SLOW_ORDINATES lowest frequencies of the periodogram is more than
+this many times its mean density at the frequencies that are fitted.
 """
 SLOW_SEEN, RAMP_SEEN = 3.5, 30.0
-"""Limits above which a drift must be found. They are ratios to the power of white noise.
+"""Limits above which a drift must be found, both in multiples of the white noise's power.
 
-The first limit is for the mean power of the slowest ordinates, the second for the power of a fitted cubic
-polynomial. White noise exceeds the first limit with the probability 1e-5. A drift below the second limit is
-irrelevant in practice.
+SLOW_SEEN: for the mean power at the SLOW_ORDINATES lowest frequencies of the periodogram. White noise exceeds
+this limit with the probability 1e-5. RAMP_SEEN: for the power of a fitted cubic polynomial. A drift below
+this limit does not matter in practice.
 """
 PEAK_ALARM = 3e-3
 NARROW, FEW_ORDINATES = 2.0, 10.0
@@ -67,7 +67,7 @@ class Right(NamedTuple):
     """Accepted verdicts, each with the reason."""
 
     def outcome(self, kind: VerdictKind) -> str:
-        """Return `right`, `wrong`, or `cannot be told` if the verdict `kind` is accepted, but not right."""
+        """Return the outcome of the verdict `kind`: right, cannot be told (only accepted), or wrong."""
         if kind in self.right:
             return "right"
         return "cannot be told" if kind in self.accepted else "wrong"
@@ -79,11 +79,10 @@ class _Notes:
         self.accepted: dict[VerdictKind, str] = {}
 
     def may(self, kind: VerdictKind, short: float, what: str, more: float = 0.0) -> None:
-        """Note a verdict as right or accepted, unless a record can show that it is wrong.
+        """Note the verdict `kind` as right, as accepted, or not at all (then it is wrong).
 
-        The verdict is right if the record cannot distinguish its model from the truth. It is accepted if
-        chance may keep the record from distinguishing them. `short`: how far the model's expected 2 log L
-        falls behind that of the truth.
+        `short`: how much smaller the expected 2 log L (L: likelihood) is for the verdict's model than for the
+        truth. Below SAME, the verdict is right. It is accepted if chance may reduce `short` to `SAME + more`.
         """
         if short < SAME:
             self.right.add(kind)
@@ -92,15 +91,15 @@ class _Notes:
 
 
 def distinguishable(short: float, needed: float) -> bool:
-    """Return whether a difference in 2 log L exceeds `needed` even if chance reduces it as far as LUCK says.
+    """Return whether a difference of 2 log L exceeds `needed` even with bad luck.
 
-    `short`: expected value of the difference.
+    `short`: expected difference. Bad luck makes it smaller by LUCK standard deviations.
     """
     return short - LUCK * 2 * math.sqrt(max(short, 0.0)) > needed
 
 
 def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
-    """Return the right and the accepted verdicts on a record of `n` samples of a noise."""
+    """Return which verdicts are right, and which are accepted, on a record of `n` samples of a noise."""
     bins = contrast.bins_of(lambda lam: noise.spectrum(lam, rate_hz), n, _peaks(noise))
     notes = _Notes()
     short = contrast.white(bins)
@@ -108,8 +107,8 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
     if not seen:
         _nearly_white(notes, noise, bins, rate_hz, n, short)
     if noise.truth != "white" and short < UNSEEN:
-        # The verdict that names the true model is right. A verdict that names another model is wrong,
-        # although that model, too, looks white at these frequencies.
+        # At the fitted frequencies the noise looks white. The verdict that names the true model is right all
+        # the same. Other models may look white there, too, but verdicts that name them are wrong.
         notes.right.add(_RULES[noise.truth][0])
     elif noise.truth != "white":
         notes.right.add(_RULES[noise.truth][0])
@@ -189,7 +188,8 @@ def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> N
 def _rising(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     """Note the right verdicts on a spectrum that rises with frequency.
 
-    Noise of fractional order with F = h^α f + α < 0 has such a spectrum, too.
+    A fractional order with F = h^α f + α < 0 (h: sampling period) may have nearly the same spectrum. Then the
+    verdict "undecided" is right or accepted, too.
     """
     notes.may("undecided", contrast.order(bins), "an order between 0.15 and 0.85")
 
@@ -238,10 +238,9 @@ def _relaxation_or_order(notes: _Notes, bins: Bins) -> None:
 
 
 def _high_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """Note whether "anti-persistent" is right on high-passed noise, too.
+    """Note the verdict "anti-persistent" as right if the spectrum only seems to rise with frequency.
 
-    The verdict "anti-persistent" is right if the high-pass stops nearly all frequencies of the record, so
-    that the spectrum only rises.
+    This is so if the corner of the high-pass is at a high frequency (HIGH_CORNER).
     """
     half = float(bins.lam[np.flatnonzero(bins.truth > bins.truth[-1] / 2)[0]])
     if half > HIGH_CORNER:
@@ -251,9 +250,8 @@ def _high_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) 
 def _high_passed_relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     """Note the right verdicts on relaxations behind a high-pass.
 
-    They name the noise before the high-pass, or the high-pass itself.
-
-    A spectrum that rises and falls may also look like an order behind a high-pass.
+    Right are "relaxations" and "high-pass". The spectrum may also look like a fractional order behind a
+    high-pass, or like a random walk. Verdicts that name those are then right or accepted.
     """
     notes.right.add("high-pass")
     notes.may(EITHER, contrast.high_passed_order(bins), "an order behind a high-pass", MORE)
@@ -348,15 +346,15 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
 
 
 CHANGE = math.log(2)
-"""Logarithm of the least factor between the variances of a record's two halves, if the variance changes."""
+"""If a noise's variance changes, it differs between a record's halves by a factor of at least exp(CHANGE)."""
 
 
 def _changes(notes: _Notes, n: int) -> None:
     """Note the verdicts on noise whose variance changes during the record.
 
-    The variance differs by a factor of two or more between the halves.
+    The variance differs by a factor of two or more between the halves of the record.
 
-    Each half determines its variance to a relative accuracy of 1 / √(n / 4).
+    Each half has n / 2 samples, so its variance is known with a relative standard deviation of 1 / √(n / 4).
     """
     notes.right = {"not stationary"}
     expected = CHANGE**2 * n / 8
@@ -368,13 +366,13 @@ def _changes(notes: _Notes, n: int) -> None:
 
 
 FEW_SWINGS = 16
-"""If the power rises or falls this often or more in a record, only the verdict "not stationary" is right."""
+"""If the power rises or falls at least FEW_SWINGS times in a record, only "not stationary" is right."""
 
 
 def _swings(notes: _Notes, half: int, n: int) -> None:
-    """Note the right verdicts on noise whose power rises and falls.
+    """Note the right verdicts on noise whose power rises and falls by turns, every `half` samples.
 
-    A short record may contain only white noise of one power.
+    In a record of at most `half` samples the power may be the same throughout. Then "white" is right, too.
     """
     notes.right = {"not stationary"} if n > half else {"not stationary", "white"}
     if n < FEW_SWINGS * half:
