@@ -22,8 +22,8 @@ H = 0.01
 POWER = 0.02
 """Variance of y [(deg/s)²]. The axes of the paper's gyroscope have variances of 0.0178 to 0.0235."""
 EDGE = 0.95
-"""Largest ratio of a case's |g| to the |g| at which the noise ceases to be stationary, where g = h^α f (h:
-sampling period).
+"""A noise with g = h^α f (h: sampling period) is stationary down to g = -2^α. The cases have |g| of at most
+EDGE times 2^α.
 """
 
 ORDERS = (0.2, 0.4, 0.6, 0.8)
@@ -115,6 +115,6 @@ def samples(case: Case, seeds: int, n: int, record: int = 0) -> Array:
 def _key(case: Case) -> tuple[int, ...]:
     """Return the part of a noise's seed that depends on its parameters.
 
-    So noises with similar parameters have independent errors.
+    Each noise has other random numbers. Otherwise noises with similar parameters would have similar errors.
     """
     return tuple(round(1e4 * abs(value or 0.0)) for value in (case.alpha, case.f, case.step_ratio))

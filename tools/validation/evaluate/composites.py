@@ -1,10 +1,9 @@
-"""On noises without an order, count the right intervals and the false claims of an order.
+"""Count on noises without an order: intervals that contain the true value, and false claims of an order.
 
-An interval is right if it contains the true value.
+The intervals are those on composite noises: given sums of parts with arbitrary corner frequencies and sizes.
+They count only if the chosen model has exactly the true parts.
 
-Composite noises have parts with arbitrary corner frequencies and sizes. The intervals of the chosen model
-count only if the model has exactly the true parts. Mixtures consist of random relaxations and a part that
-rises with frequency.
+The claims are those on mixtures: random relaxations, and white noise that rises with frequency.
 """
 
 import math

@@ -21,8 +21,9 @@ import numpy as np
 from fltea.records.arrays import Array
 
 PANELS, POINTS = 30, 50
-"""Number of panels into which the range of u from 0 to 1 is divided, and number of Gauss–Legendre points in
-each panel. A single panel with all points would take seconds to compute at each import.
+"""Integrals over the frequency λ = π u^6 are computed over u, from 0 to 1. PANELS: number of panels into
+which this range is divided. POINTS: number of Gauss–Legendre points in each panel. To compute as many points
+for a single panel would take seconds at each import.
 """
 POWER = 6
 
@@ -67,7 +68,7 @@ def log_slopes(lam: Array, alpha: float, g: float, s2: float, R: float) -> Array
     `lam`: frequencies [rad a sample].
     """
     z = np.exp(-1j * lam)
-    difference = -np.expm1(-1j * lam)  # 1 - z, computed without loss of digits near λ = 0
+    difference = -np.expm1(-1j * lam)  # 1 - z, without loss of digits near frequency 0
     order = difference**alpha
     inverse = 1 / (order - g * z)
     x = s2 * np.abs(inverse) ** 2
@@ -90,7 +91,7 @@ def fisher(alpha: float, g: float, s2: float, R: float, n: int) -> Array:
 
 
 def bound(alpha: float, g: float, s2: float, R: float, n: int, h: float) -> Bound:
-    """Return the bound for n samples. The bound of R is 0 if R = 0. `h`: sampling period [s]."""
+    """Return the Cramér–Rao bound for n samples (0 for R if R = 0). `h`: sampling period [s]."""
     covariance = np.linalg.inv(fisher(alpha, g, s2, R, n))
     pair = covariance[:2, :2]
     # Derivatives of f = h^-α g with respect to α and g. They convert the covariance of α and g to the

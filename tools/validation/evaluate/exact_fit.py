@@ -1,8 +1,9 @@
 """Fit a fractional state in white noise by exact maximum likelihood. The search starts at the Whittle fit.
 
-scipy's quasi-Newton method searches for the best α, logit(-g / 2^α) and log s2/R, where g = h^α f, s2 is the
-variance of the state's steps, and R that of the white noise. It starts with the curvature of Whittle's
-likelihood, so that only a few of the slow exact likelihoods are needed.
+The state is D^α x = f x + ω. Let g = h^α f, where h is the sampling period, s2 the variance of the steps ω,
+and R the variance of the white noise. scipy's quasi-Newton method (BFGS) searches for the best α,
+logit(-g / 2^α) and log s2/R. It begins with the curvature of Whittle's likelihood, so it needs only a few of
+the exact likelihoods, which are slow to compute.
 """
 
 import math
@@ -67,11 +68,9 @@ class ExactSeries:
         return ExactFit(float(theta[0]), R * math.exp(theta[2]), R, nll, theta)
 
     def covers(self, alpha: float, found: ExactFit) -> tuple[bool, ExactFit]:
-        """Return whether the 95 % interval by the profile likelihood contains the order `alpha`.
+        """Return whether the order's 95 % interval (profile likelihood) contains `alpha`; and the best fit.
 
-        The second value is the best fit.
-
-        The best fit is `found`, unless a better one was found while the order was fixed.
+        `found`: the best fit so far. It is replaced if the search with the order `alpha` finds a better one.
         """
         theta, nll = self._search(found.theta, alpha)
         if nll < found.nll:
@@ -81,7 +80,7 @@ class ExactSeries:
     def nll(self, theta: Array) -> float:
         """Return the exact -log L at the transformed parameters `theta`.
 
-        The scale (R) is the one that is most likely with these parameters.
+        These parameters give the spectrum but for a factor. The factor, R, is the most likely one.
         """
         if not ORDERS[0] <= theta[0] <= ORDERS[1]:
             return IMPOSSIBLE
@@ -95,16 +94,14 @@ class ExactSeries:
         return of_spectrum(lambda lam: 1 + ratio * spectra.fractional(lam, alpha, g), self._y)
 
     def inverse_curvature(self, theta: Array, first: int = 0) -> Array:
-        """Return the inverse of the information of Whittle's likelihood on transformed parameters.
+        """Return the inverse of the curvature of Whittle's -log L by the transformed parameters `theta`.
 
-        Parameters with an index below `first` are left out.
-
-        The scale (R) counts as unknown.
+        Only the parameters from index `first` on are free; those before are fixed. R is free, too.
         """
         rows = np.empty((4, len(self._counts)))
         self._fits.slopes(self._codes, [0.0, *theta], np.empty(len(self._counts)), rows)
-        # Each row has the derivatives of the log spectrum with respect to one parameter. A change of the
-        # scale changes log R and log s2 alike, so its row is the sum of the rows of both.
+        # Each row has the derivatives of the log spectrum by one parameter. Row 0 is for log R at fixed s2,
+        # row 3 for log s2. If R changes at a fixed s2/R, both change alike, so the two rows are added.
         rows[0] += rows[3]
         whole = (rows * self._counts) @ rows.T
         rest = whole[1:, 1:] - np.outer(whole[1:, 0], whole[0, 1:]) / whole[0, 0]

@@ -14,16 +14,17 @@ import numpy as np
 from fltea.records.arrays import Array
 
 CIRCLE = 1 << 17
-"""The spectrum is used at this number of frequencies from 0 to 2π. They can only represent memories of at
-most this number of samples.
+"""The spectrum is used at this number of frequencies from 0 to 2π. A noise that remembers more samples than
+this needs more frequencies.
 """
 AVERAGED = 64
-"""At this number of the lowest frequencies, the mean of the spectrum over the frequency's bin is used instead
-of the spectrum's value, since the spectrum has a cusp at 0.
+"""Each of the CIRCLE frequencies is the middle of a bin. In the AVERAGED lowest bins, the mean of the
+spectrum over the bin is used in place of its value in the middle, since the spectrum has a cusp at 0.
 """
 POINTS, POWER = 48, 6
-"""POINTS: number of Gauss–Legendre points u from which the mean of the spectrum over one bin is computed. In
-the lowest bin, the frequency λ is proportional to u^POWER, so that the points are dense near 0.
+"""POINTS: number of Gauss–Legendre points from which the mean of the spectrum over one bin is computed. They
+are numbers u from 0 to 1, as proportions of the bin's width. In the lowest bin, u^POWER is taken in place of
+u, so that the frequencies are dense near 0.
 """
 
 
@@ -43,7 +44,7 @@ class Likelihood(NamedTuple):
     """-log L, including all constants."""
     mean: float
     scale: float
-    """Factor by which the given autocovariances have to be multiplied."""
+    """The series is most likely if the given autocovariances are multiplied by this factor."""
 
 
 def frequencies() -> Array:
@@ -124,10 +125,9 @@ def _middles() -> Array:
 
 
 def _averaged() -> tuple[Array, Array]:
-    """Return the frequencies at which the spectrum is computed in each of the lowest bins, and weights.
+    """Return frequencies in the lowest bins, and their weights; both have the shape (AVERAGED, POINTS).
 
-    The mean over a bin is the sum of the spectrum at these frequencies, multiplied by the weights. The shapes
-    are (AVERAGED, POINTS).
+    A row belongs to one bin. The weighted sum of the spectrum at its frequencies is the mean over the bin.
     """
     u, weight = np.polynomial.legendre.leggauss(POINTS)
     u, weight = (u + 1) / 2, weight / 2

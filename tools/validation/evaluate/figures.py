@@ -91,7 +91,11 @@ def shown(scores: DataFrame) -> DataFrame:
 
 
 def _grid_map(scores: DataFrame, one: Map) -> bytes:
-    """Draw a panel for each estimator and record length. Its columns are the values of s2/R."""
+    """Draw a panel for each estimator and record length.
+
+    Each cell of a panel is a noise. Cells in the same column have the same s2/R: the variance of the state's
+    steps divided by that of the white noise. Cells in the same row have the same α and f.
+    """
     some = scores[scores.quantity == one.quantity]
     lengths = some.samples.unique()
     dynamics = some[["alpha", "f"]].drop_duplicates()

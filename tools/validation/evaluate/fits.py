@@ -94,8 +94,8 @@ def holds(found: OrderFit, name: str, truth: float) -> bool:
 def fitted_variances(y: Array, h: float, Q: float, power: float) -> tuple[Array, Array]:
     """Return the variances Q = s2 and R that fits of y (n, seeds) give, as two arrays (seeds,).
 
-    For a series without a published order, Q is the given `Q`, and R is the variance `power` of y. Both Q and
-    R are at least a thousandth of `power`: the fit may give 0, and the filters need R > 0.
+    `power`: variance of y. If the verdict on a series has no order, Q is the given `Q`, and R is `power`.
+    Otherwise both are at least a thousandth of `power`: the fit may give 0, and the filters need R > 0.
     """
     found = whole_reading(y, h, {})
     least = power / 1000

@@ -57,5 +57,5 @@ def rms(error: Array) -> float | None:
 
 
 def share(flags: NDArray[np.bool_]) -> float | None:
-    """Return the proportion of the flags that are True; None if there are no flags."""
+    """Return the proportion of the elements of `flags` that are true; None if there are no elements."""
     return round(float(np.mean(flags)), 6) if len(flags) else None

@@ -28,7 +28,7 @@ from tools.validation.tables import Table
 
 SEEDS, QUICK_SEEDS = 20, 10
 """Number of series of each noise in a full and in a quick run. A figure is called right only if at least 90 %
-of its intervals contain the true value. With fewer than ten series, no interval could miss it.
+of its intervals contain the true value. Of fewer than ten intervals, all would have to.
 """
 FITS_TO_FILTERS = 4
 """Number of series that are fitted, divided by the number that are filtered. It is above 1 because a fit
@@ -36,13 +36,13 @@ takes less time than a filter. Also, the tables show ratios of the errors of two
 series than the error of a filter.
 """
 MIXED_TO_FILTERS, CLAIMS_TO_FILTERS = 10, 15
-"""Two ratios to the number of series that are filtered. MIXED_TO_FILTERS: of the number of series of each
-composite noise. CLAIMS_TO_FILTERS: of the number of mixtures of each length, on which false claims of an
-order are counted.
+"""Two numbers of series, each divided by the number of series that the filters process (`Plan.seeds`).
+MIXED_TO_FILTERS: series of each composite noise. CLAIMS_TO_FILTERS: series of mixtures of each length, on
+which false claims of an order are counted (both noises: see `composites`).
 """
 COVERAGE_TO_FILTERS = 50
-"""Number of series for the coverage of intervals, divided by the number of filtered series. It is large,
-since a proportion near 95 % can only be measured on many series.
+"""Number of series on which intervals are counted that contain the true value, divided by the number that the
+filters process (`Plan.seeds`). It is large, since a proportion near 95 % needs many series.
 """
 
 
@@ -74,8 +74,8 @@ class Plan(NamedTuple):
     mixed: tuple[str, ...] = tuple(composites.COMPOSITES)
     """Noises without an order for which the coverage of intervals is counted."""
     claimed: tuple[int, ...] = composites.LENGTHS
-    """Lengths of the mixtures (random relaxations, and white noise that rises with frequency). They have no
-    order, so the verdict "fractional" is false.
+    """Numbers of samples of the mixtures (random relaxations, and white noise that rises with frequency), on
+    which the verdict "fractional" is counted. A mixture has no order, so this verdict is false.
     """
 
 

@@ -20,7 +20,7 @@ from tools.validation.runner import Row
 CONSTANT = 10_000
 """Time constant with which the live fit's memory fades [samples]."""
 BEFORE, AFTER = 30_000, 3 * CONSTANT
-"""Numbers of samples before and after the change."""
+"""Numbers of samples before and after the change of the noise."""
 BLOCK = 1_000
 """Number of samples that are passed to the fit in one call."""
 KNOCK_SAMPLES, KNOCK_SIGMAS = 80, 60.0

@@ -21,7 +21,7 @@ GROWTH = 1.3
 
 
 def tunings(y: Array, h: float, last: int) -> list[Tuning]:
-    """Return the variances and filter models that live fits of y (n, seeds) give.
+    """Return what the filters get from each live fit of y (n, seeds): Q, R and a filter model.
 
     Only fits before sample `last` are made.
 
