@@ -13,9 +13,11 @@ from tools.validation.runner import Row
 def count(population: str, samples: int, first: int, series: int, seed: int) -> list[Row]:
     """Return a row for each of `series` noises from number `first` on, with odds and verdict.
 
-    `lead`: how much better, by BIC, the best model with an order is than the best model without one.
-    `over_rich`: 2 log L of the best model with an order, minus that of the model without an order that has
-    the most parameters. `lead` and `over_rich` are None if the search found no model with an order.
+    `lead`: BIC of the best model without an order, minus that of the best model with one.
+    `over_rich`: 2 log L (L: likelihood) of the best model with an order, minus that of the model without an
+    order that has the most parameters.
+
+    Both are None if the search found no model with an order.
     """
     rows: list[Row] = []
     for number in range(first, first + series):

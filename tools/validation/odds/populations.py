@@ -1,10 +1,10 @@
 """Random noises with and without an order, on which the odds of an order are calibrated and validated.
 
-All noises include white noise of variance 1. The lowest corner frequency that a record can show is that which
-has ten periods in the record. Relaxations (first-order Gauss-Markov processes) have one of two kinds of
-corners. Random corners lie between this frequency and about a third of the sample rate, and their logarithms
-are uniformly distributed. The logarithms of regular corners are equally spaced, and the densities of these
-relaxations fall about as that of 1/f noise. None of these noises is in the gallery.
+All noises include white noise of variance 1. Relaxations (first-order Gauss-Markov processes) have random or
+regular corner frequencies. Random corners have at least ten periods in the record and are at most about a
+third of the sample rate; their logarithms are uniformly distributed. Each regular corner is the one before
+times a fixed factor, and the densities of these relaxations fall about as that of 1/f noise. None of these
+noises is in the gallery.
 """
 
 import math
@@ -22,8 +22,8 @@ ORDERS, STEP_RATIOS = (0.2, 0.85), (-1.0, 1.0)
 s2 is the variance of the state's steps and R that of the white noise.
 """
 LEAST_F = -0.5
-"""F = g + α, where g = h^α f (h: sampling period), is uniformly distributed between this value and α. At F =
-α the state has no restoring force (f = 0).
+"""The state is D^α x = f x + ω. Let g = h^α f, where h is the sampling period. F = g + α is uniformly
+distributed between LEAST_F and α. At F = α, f is 0: nothing draws the state back to 0.
 """
 PERIODS, FASTEST_HZ = 10, 30.0
 DENSITIES = (-0.5, 2.0)
@@ -32,8 +32,8 @@ MOST_RANDOM, MOST_REGULAR = 4, 5
 STEPS, SLOPES, LEVELS = (0.5, 1.2), (0.6, 1.4), (-0.5, 1.5)
 """Ranges for regular relaxations.
 
-STEPS: distance between corners [decades]. SLOPES: slope with which -log density rises over log corner.
-LEVELS: log10 of the density at 1 Hz.
+The density of a relaxation with the corner c is about 10^level c^-slope [c in Hz]. STEPS: distance between
+corners [decades]. SLOPES: values of slope. LEVELS: values of level.
 """
 SCATTER = 0.1
 """Standard deviation with which log10 of the densities of regular relaxations scatters about a straight line.
@@ -45,8 +45,7 @@ Draw = Callable[[np.random.Generator, int], tuple[Part, ...]]
 def order(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
     """Return noise of fractional order in white noise.
 
-    F = g + α, the step from one sample to the next, may be positive or negative; g = h^α f, where h is the
-    sampling period.
+    The weight of a sample in the next one, F = h^α f + α (h: sampling period), may be positive or negative.
     """
     alpha = float(rng.uniform(*ORDERS))
     g = float(rng.uniform(LEAST_F, alpha)) - alpha

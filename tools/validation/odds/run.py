@@ -28,7 +28,7 @@ SEED = 2026
 LENGTHS = (3_000, 20_000, 60_000, 200_000)
 AT_ONCE = 20
 TELLS = 20.0
-"""Odds that are so large that a person would act on them."""
+"""With odds of this size or more, a person would rely on the order."""
 BINS = (1 / MOST, 0.1, 1 / 3, 0.8, 1.25, 3.0, 10.0, 1e9)
 FALSE_SHARES = (0.01, 0.02, 0.05, 0.1)
 
@@ -126,13 +126,12 @@ def _log_odds(row: Row) -> float:
 
 
 def operating(rows: Sequence[Row], against: str) -> tuple[list[float], list[float]]:
-    """Return two lists: how often an order is claimed falsely, and how often rightly.
+    """Return how often an order is claimed falsely, and how often rightly, for each of many thresholds.
 
-    The first list has proportions of the noises without an order, the second list has proportions of the
-    noises with an order.
-
-    An order is claimed if the model with an order leads by at least a threshold. Both lists have one
-    proportion for each threshold. `against`: the population of noises without an order.
+    An order is claimed if the best model with an order leads by at least the threshold (see `_score`). Two
+    lists are returned, from the highest threshold to the lowest:
+        false claims, as proportions of the noises of the population `against`, which have no order;
+        right claims, as proportions of the noises with an order.
     """
     scores = {
         name: np.array([_score(row) for row in rows if row["population"] == name])
@@ -146,9 +145,9 @@ def operating(rows: Sequence[Row], against: str) -> tuple[list[float], list[floa
 
 
 def _score(row: Row) -> float:
-    """Return by how much the best model with an order leads over the best model without one.
+    """Return the lead: BIC of the best model without an order, minus that of the best model with one.
 
-    This lead puts noises in the same order as the odds do. Unlike the odds, it has no limit.
+    The odds are computed from it and from other figures. Unlike the odds, the lead has no limit.
     """
     return -math.inf if row["lead"] is None else float(row["lead"])
 
