@@ -1,10 +1,12 @@
-"""Measure critical values of likelihood ratios for noises in which the variance R of white noise is 0.
+"""Measure how far the likelihood may fall at the ends of a 95 % interval if a noise has no white noise.
 
-The first table is about two normally distributed estimates with the correlation ρ. One of them is R, which
-cannot be negative. If the other estimate is fixed at its true value, the best value of R is 0. The 95 % point
-of the likelihood ratio then depends only on ρ. `spectrum.intervals.AT_BOUND` was chosen from this table and
-from the correlations that the Fisher information gives for 35 such noises (second table). The part `evaluate`
-counts how often the intervals contain the true value with this choice.
+Usually 2 log L (L: likelihood) falls by 3.84. This is different if the variance R of the white noise is 0,
+since R cannot be negative. The fall then depends on the correlation ρ of R with the interval's parameter.
+The first table gives the fall for several ρ, from simulated pairs of normally distributed estimates. The
+second table gives ρ for 35 noises without white noise, from the Fisher information.
+
+The limits in `spectrum.intervals.AT_BOUND` were chosen from both tables. The part `evaluate` counts how often
+intervals with these limits contain the true value.
 """
 
 from typing import Any
@@ -44,16 +46,17 @@ def tasks(options: Options) -> list[Task]:
 
 
 def critical_values() -> list[Row]:
-    """Return critical values: the 95 % points of a likelihood ratio, for each correlation.
+    """Return a critical value for each correlation: the 95 % point of a difference of 2 log L.
 
-    Two estimates with this correlation are simulated: R, which cannot be negative, and any other. The ratio
-    compares the best fit with that in which the other estimate is fixed at its true value, and R is 0.
+    Two estimates with this correlation are simulated: R, which cannot be negative, and another parameter.
+    The difference is that between two fits. In one, both are free. In the other, the other parameter has its
+    true value, and R is 0. Only pairs count for which 0 is then the best R.
     """
     rng = np.random.default_rng(0)
     other, below = rng.standard_normal(DRAWN), np.abs(rng.standard_normal(DRAWN))
-    # `other`: error of the other estimate if neither is fixed. `below`: how far R would be below 0 if it had
-    # no bound, and the other estimate were fixed [standard deviations]. `free`: value of R without a bound if
-    # neither estimate is fixed; values above 0 are replaced by 0.
+    # All numbers are in standard deviations. `other`: error of the other parameter if both are free. `below`:
+    # how far R would be below 0 if it could be negative, and the other parameter had its true value. `free`:
+    # the R that would be best if it could be negative and both are free; values above 0 are replaced by 0.
     rows: list[Row] = []
     for rho in CORRELATIONS:
         free = np.minimum(rho * other - np.sqrt(max(1 - rho**2, 1e-12)) * below, 0.0)
@@ -62,7 +65,7 @@ def critical_values() -> list[Row]:
 
 
 def correlated(n: int) -> list[Row]:
-    """Return, for each noise, the correlation of each parameter (see `correlations`) with R."""
+    """Return the correlations of α, f, F and s2 with R (see `correlations`), for each of the 35 noises."""
     noises = [(alpha, -part * 2**alpha) for alpha in ORDERS for part in FEEDBACKS]
     return [
         {"samples": n, "parameter": name, "correlation": correlation}
@@ -89,7 +92,7 @@ def correlations(alpha: float, g: float, n: int) -> dict[str, float]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return the table of critical values and the table of correlations."""
+    """Return two tables: the critical value for each correlation with R, and the noises' correlations."""
     points = [(f"{row['rho']:.2f}", f"{row['critical']:.2f}") for row in rows if "rho" in row]
     noises = grouped(
         (row for row in rows if "samples" in row), lambda row: (f"{row['samples']:,}", row["parameter"])

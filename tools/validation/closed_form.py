@@ -43,8 +43,8 @@ def samples(parts: Sequence[p.Part], n: int, h: float, rng: np.random.Generator)
     y = np.fft.irfft(waves, circle)[:n]
     is_high_passed = any(isinstance(part, p.HighPass) for part in parts)
     walks = [part.K for part in parts if isinstance(part, p.Walk) and not is_high_passed]
-    # In periodic noise the steps of a random walk have the mean 0. The mean that true steps would have is
-    # therefore drawn separately, and added as a ramp.
+    # In periodic noise a random walk ends where it began, so its steps have the mean 0. True steps have a
+    # random mean. It is drawn here, and added as a ramp.
     return np.asarray(
         y + sum(K * math.sqrt(h / circle) * rng.standard_normal() for K in walks) * np.arange(n)
     )

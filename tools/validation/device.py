@@ -37,9 +37,10 @@ RECORDINGS = Path(__file__).resolve().parents[3] / "shared/recordings"
 AGES = (3_000, 100_000, 1_000_000)
 CHUNK = 50_000
 SIMULATED = {"white": None, "α 0.3, f -1": (0.3, -1.0), "α 0.6, f -3": (0.6, -3.0)}
+"""For each simulated noise: α and f [s^-α], or None for white noise."""
 SIGMA_DPS, FULL_SCALE_DPS = 0.15, 2_000.0
-"""SIMULATED: α and f [s^-α] of the simulated noises, or None for white noise. SIGMA_DPS: standard deviation
-of these noises [deg/s]; their offset is 1 deg/s. FULL_SCALE_DPS: range of the board's sensor [deg/s].
+"""SIGMA_DPS: standard deviation of the noises in SIMULATED [deg/s]; their offset is 1 deg/s. FULL_SCALE_DPS:
+the board's sensor measures from minus to plus this rate [deg/s].
 """
 
 LEVEL = 0.05
@@ -94,8 +95,9 @@ def series(name: str, samples: int) -> Counts:
 def differences(variant: str, name: str, samples: int) -> list[Row]:
     """Return how much the estimates of board and host differ on a series.
 
-    The row has the largest |Δα| and |Δf| up to each age [samples], and |Δα| and |Δf| at the end. It also says
-    how often the host's guard intervened.
+    The differences are |Δα| and |Δf|. The row has their largest values in the first 3,000, 100,000 … samples
+    (AGES) and in all samples (`worst`), and their values after the last sample (`end`). It also says how
+    often the host's guard intervened.
     """
     counts = series(name, samples)
     bias, R = host_baseline(counts[:STARTUP])

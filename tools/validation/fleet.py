@@ -63,7 +63,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def fitted(noise: str, first: int, count: int, at: Sequence[int], rate_hz: float) -> list[Row]:
-    """Return one row for each of `count` sensors, with one fit for each comparison."""
+    """Return a row for each of `count` sensors. It has the fits to the first `at[0]`, `at[1]`, … samples."""
     rows: list[Row] = []
     for seed in range(first, first + count):
         record = NOISES[noise].draw(at[-1], np.random.default_rng((seed, at[-1])), rate_hz)
@@ -137,7 +137,7 @@ def share_of_fleets(
 
 
 def _all_figures(comparisons: Fits, rate_hz: float) -> list[dict[str, Figure]]:
-    """Return, for each comparison, the figures of one sensor that are compared."""
+    """Return, for each of a sensor's fits in `comparisons`, the figures that `fltea fleet` compares."""
     found: list[dict[str, Figure]] = []
     for fit in comparisons:
         found.append(figures_of(fit, rate_hz, found[-1] if found else {}))
@@ -145,9 +145,9 @@ def _all_figures(comparisons: Fits, rate_hz: float) -> list[dict[str, Figure]]:
 
 
 def _odd_at(fleet: list[Place], turns: NDArray[np.int64]) -> set[str]:
-    """Return the names of the figures by which at least one sensor is called odd in one comparison.
+    """Compare the sensors of a fleet once. Return the names of the figures by which any sensor is called odd.
 
-    `turns`: for each sensor, the index of the fit that is compared.
+    `turns`: for each sensor, which of its fits takes part (index).
     """
     logarithmic = {quantity.name for quantity in QUANTITIES if quantity.log}
     roll = Roll()

@@ -93,12 +93,12 @@ class LiveSensor:
         return sum(figures.restarts for _, figures in self._tracks.stats())
 
     def events(self) -> list[StepEvent]:
-        """Return the steps reported so far."""
+        """Return the steps of the bias that the tracker has reported so far."""
         return self._events
 
 
 def live_way(y: Array, h: float) -> Lived:
-    """Return what is published for samples (n, axes) of several sensors, each with AXES axes."""
+    """Return what the daemon would publish for samples (n, axes) of several sensors with AXES axes each."""
     found = [LiveSensor(part.shape[1], h).run(part) for part in sensors(y)]
     return Lived._make(np.concatenate(column, axis=1) for column in zip(*found, strict=True))
 

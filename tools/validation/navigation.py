@@ -58,7 +58,7 @@ class PlainFilter:
         self.P[0, 0] = 1e4 * (self.R + self.P.sum())
 
     def rest(self, y: Array) -> None:
-        """Process samples at rest."""
+        """Update the filter with the samples of a sensor at rest."""
         for sample in y:
             self.x, self.P = self.phi * self.x, self.phi[:, None] * self.P * self.phi + self.Q
             gain = self.P.sum(axis=1) / (self.P.sum() + self.R)

@@ -19,7 +19,7 @@ class Options(NamedTuple):
     """Which tasks of a part of `make validate` are run."""
 
     seeds: int
-    """Number of series, records or axes of each kind. Each part decides which of these it counts."""
+    """Number of series of each noise. In some parts of `make validate` it is that of records or axes."""
     quick: bool = False
     only: tuple[str, ...] = ()
     """Only noises whose name contains one of these texts are used. If empty, all noises are used."""

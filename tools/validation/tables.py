@@ -33,7 +33,7 @@ class Table(NamedTuple):
         return f"### {self.title}\n\n" + "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
 
     def drawn(self) -> Drawn:
-        """Return the table as rich draws it."""
+        """Return the table as an object of the library rich, which prints it in a terminal."""
         table = Drawn(title=self.title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
         for number, heading in enumerate(self.headings):
             table.add_column(heading, justify="right" if number else "left")

@@ -155,9 +155,9 @@ class Noise(NamedTuple):
     signal: tuple[Component, ...]
     rest: tuple[Component, ...] = (White(),)
     known: tuple[float, tuple[tuple[float, float], ...]] | None = None
-    """What a plain Kalman filter has to know in order to be optimal: the standard deviation of a step of the
-    random walk, and (σ, τ) of each relaxation. The filter also knows the variance of the white noise. None if
-    no plain Kalman filter is optimal for this noise.
+    """For the plain Kalman filter that is optimal for this noise: the standard deviation of a step of the
+    random walk, and (σ, τ) of each relaxation. The filter also needs the variance of the white noise,
+    which is not in here. None if no plain Kalman filter is optimal.
     """
 
 

@@ -25,8 +25,8 @@ seconds. STAYS_S is needed because a mean of few samples may come near the true 
 stay there.
 """
 SAMPLES_TO_SEE = 30
-"""The quickest test with one false alarm a week needs this number times (σ/δ)² samples, where δ is the size
-of the step and σ the standard deviation of the noise (Lorden, 1971).
+"""A test that raises one false alarm a week needs, on average, at least this number times (σ/δ)² samples to
+find a step of the size δ, where σ is the standard deviation of the noise (Lorden, 1971).
 """
 
 

@@ -103,9 +103,10 @@ def of_allan(axis: Axis, y: Array) -> Iterator[Seen]:
 
 
 def of_forecast(axis: Axis, y: Array) -> Iterator[Seen]:
-    """Yield how much of a record's second half is outside the band predicted from the first half.
+    """Yield the result for the forecasts of the heading, and that for the forecasts of the bias.
 
-    Each result is a proportion of the stretches into which the second half is divided.
+    The first half of the record predicts a 95 % band for the second half. The second half is divided into
+    stretches. The result is the proportion of them that end outside the band.
     """
     half = len(y) // 2
     parts = analyse(axis.parts, y[:half]).figures.model.parts(H)
@@ -119,8 +120,8 @@ def of_forecast(axis: Axis, y: Array) -> Iterator[Seen]:
 def true_N(parts: Sequence[p.Part]) -> float:
     """Return the true N.
 
-    N is the noise density at low frequencies. It is summed over all parts except slow, fractional and rising
-    parts.
+    N is the noise density at low frequencies of some of the parts together. Not among them are the kinds in
+    STEADY (such as relaxations) and filters.
     """
     kept = [one for one in parts if not isinstance(one, (*STEADY, *p.FILTERS))]
     return math.sqrt(float(closed_form(kept, np.array([1e-6]), H)[0]) * H)
@@ -145,8 +146,8 @@ def true_allan(parts: Sequence[p.Part], factors: Array) -> Array:
 def _order(axis: Axis) -> dict[str, float]:
     """Return the true parameters of the noise's fractional order, by field name.
 
-    The result is empty if the noise has no order. It is also empty if the verdict is for the other kind of
-    model (fractional state or ARFIMA) and so publishes other parameters.
+    The result is empty if the noise has no order. It is also empty if the noise is a fractional state and the
+    verdict an ARFIMA model, or the other way round: their parameters cannot be compared.
     """
     R = sum(one.R for one in axis.parts if isinstance(one, p.White))
     for one in axis.parts:

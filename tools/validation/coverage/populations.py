@@ -66,8 +66,8 @@ def _walk(rng: Rng, R: float) -> p.Walk:
 def _order(rng: Rng, R: float, low: float, high: float) -> p.Order:
     """Return a part of a noise model: the fractional state with a random order.
 
-    `low`, `high`: range of the variance of the state's steps. It is a multiple of the white noise's variance
-    R, unless R is 0.
+    `low`, `high`: range of the variance of the state's steps, divided by the variance R of the white noise.
+    If R is 0, it is the range of the variance itself.
     """
     alpha = rng.uniform(0.2, 0.8)
     g = -min(between(rng, 0.01, 0.6), 0.9 * 2**alpha)

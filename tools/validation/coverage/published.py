@@ -19,7 +19,7 @@ OF_INTERVALS = re.compile(r"\b(Interval|Coefficient)\b")
 `high`).
 """
 OF_DEVIATIONS = re.compile(r"_std$")
-"""Finds, by its last letters, the name of a field that is a standard deviation."""
+"""Matches names of fields that are standard deviations: they end in `_std`."""
 
 
 class Field(NamedTuple):
@@ -70,8 +70,8 @@ FIGURES: dict[str, str | Elsewhere] = {
     "slope_std": Elsewhere("the doctor's uncertainty of a clock's rate, which no record has"),
     "noise_std": Elsewhere("a standard deviation of samples, not an uncertainty"),
 }
-"""For each name of a field: what is measured for it, or why nothing is measured. Fields of the same name mean
-the same figure in every class.
+"""For each name that a field of a published class has: what is measured for it, or why nothing is measured.
+Fields of the same name mean the same figure in every class.
 """
 ALLAN = "Allan deviation"
 

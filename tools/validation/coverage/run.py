@@ -21,9 +21,7 @@ from tools.validation.tables import NONE, Table, grouped, number
 SEEDS, QUICK_SEEDS = 400, 20
 """Number of axes of each population."""
 FORECAST, FORECAST_SHARE = "forecast", 2
-"""FORECAST: name of the forecasts among the quantities. FORECAST_SHARE: only one out of this number of axes
-gets a forecast, since a forecast takes longer.
-"""
+"""FORECAST_SHARE: only one out of this number of axes gets a forecast, since a forecast takes longer."""
 
 
 def tasks(options: Options) -> list[Task]:
