@@ -20,7 +20,7 @@ from tools.validation.tables import NONE, Table, grouped, number
 
 SEEDS, QUICK_SEEDS = 400, 20
 """Number of axes of each population."""
-FORECAST, FORECAST_SHARE = "forecast", 2
+FORECAST_SHARE = 2
 """FORECAST_SHARE: only one out of this number of axes gets a forecast, since a forecast takes longer."""
 
 
