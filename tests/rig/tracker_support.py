@@ -83,7 +83,9 @@ SYSTEMS = {
 
 
 def fixed(s: System) -> bool:
-    """Return whether the system lacks a state for an offset."""
+    """Return whether no state of the system is an offset: kept from sample to sample, and measured as it
+    is.
+    """
     return not np.any((s.a == 1) & (s.c == 1))
 
 

@@ -53,7 +53,8 @@ class Story(NamedTuple):
     """Some simulated seconds of a board, with incidents.
 
     `begin_ns`: host time at the beginning [ns]. `happenings`: pairs of a sample's number and the incident at
-    this sample. `bursts`: numbers of samples whose bytes arrive together, used in turns.
+    this sample. `bursts`: how many samples' bytes arrive together; after the last number, the first one is
+    used again.
     """
 
     begin_ns: int
@@ -165,7 +166,7 @@ def stories() -> st.SearchStrategy[Story]:
 class StorySource(FedSource):
     """A source that decodes the bytes of a simulated board. The bytes that arrived together are a `Moment`.
 
-    `together`: how many moments each read joins; the numbers are used in turns.
+    `together`: how many moments each read joins. After the last number, the first one is used again.
     """
 
     live = False
@@ -176,8 +177,7 @@ class StorySource(FedSource):
 
     def read(self, moments: Sequence[Moment]) -> Iterator[Event]:
         """Read the bytes of several moments at a time, as `together` says, and yield the events. Where the
-        port is lost, first yield the ticks (events of passing time) up to that moment, then open the port
-        again.
+        port is lost, first yield the events that are due by then, and then open the port again.
         """
         begin, turn = 0, 0
         while begin < len(moments):
@@ -198,9 +198,9 @@ class StorySource(FedSource):
 
 
 def torn(moments: Sequence[Moment], cuts: Sequence[float]) -> Iterator[Moment]:
-    """Split the bytes of each moment into several reads.
+    """Split each `Moment`, whose bytes arrived together, into several ones with the same arrival time.
 
-    `cuts`: where to split, as fractions of each moment's bytes.
+    `cuts`: where to split, as fractions of the bytes.
     """
     for data, *at in moments:
         if data is None:
