@@ -35,8 +35,8 @@ class Scene:
         return self.now_s - began_s
 
     def after(self, end_s: float, then: Callable[[], None] = lambda: None) -> Callable[[float], bool]:
-        """Return a function that tells whether a task, which ends at the time `end_s`, has ended. `then`:
-        function that is called at the beginning of each such call.
+        """Return a function that waits for a task until it ends at `end_s`, for at most the time that is
+        passed to it, and tells whether the task has ended. Each time, it calls `then` first.
         """
 
         def done(timeout_s: float) -> bool:

@@ -93,9 +93,9 @@ class Worker:
         self.turn()
 
     def hear(self, seconds: Iterable[int], ahead: int = 1) -> None:
-        """Deliver a message with one second of samples of device "a" for each of `seconds`.
+        """Deliver one message for each of `seconds`, with that second's samples of device "a".
 
-        The number of a message in the server's stream is its second plus `ahead`.
+        The server numbers its messages. Here a message's number is its second plus `ahead`.
         """
         for second in seconds:
             self.say("a", second, second + ahead)
@@ -148,7 +148,7 @@ def unbroken(seconds: int) -> dict[int, tuple[Any, ...]]:
 
 @pytest.mark.slow
 def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() -> None:
-    """Messages 7 to 9 never reached the server's stream, as in an outage. Their samples count as missing."""
+    """The samples of seconds 6 to 8 never reached the server, as in an outage. They count as missing."""
     first, second = Worker(), Worker()
     first.hear(range(6))
     kept = first.keep()
@@ -164,7 +164,7 @@ def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() 
 
 
 def test_a_snapshot_is_not_stored_before_outputs_have_what_it_follows() -> None:
-    """A snapshot is stored only when the outputs have written all samples before it: a kill loses none."""
+    """A snapshot is stored when all outputs have written the samples before it, so that a kill loses none."""
     worker = Worker()
     worker.hear(range(6))
     assert worker.keep().mark == 6
@@ -229,12 +229,12 @@ def test_a_partition_that_is_another_ones_is_not_walked_and_its_devices_are_forg
 
 
 def test_once_a_message_was_left_out_none_is_walked_until_it_comes_again() -> None:
-    """A worker gives up a share of the devices and takes it again, while their earlier messages wait."""
+    """After a message was left out, the worker processes no later one until the server sends it again."""
     worker = Worker()
     worker.hear(range(4))
     worker.receiver.mine = set()
     worker.hear([4])  # the worker leaves this message out, since it does not serve the partition
-    # the worker has taken the partition again, but has not yet read the notice of that from its inbox
+    # the worker may serve the partition again, but the notice that tells it so comes into its inbox later
     worker.receiver.mine = {0}
     worker.hear([5, 6])
     worker.ingest.inbox.post(Left(0))
@@ -269,7 +269,7 @@ def test_a_device_that_says_nothing_since_it_was_taken_over_keeps_its_estimators
 
 
 def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
-    """A device's stored state (snapshot) is deleted if the device is forgotten, never because of its time."""
+    """A snapshot is deleted when its device is forgotten, but not when another worker serves the device."""
     worker = Worker()
     for k in range(4):
         worker.say("a", k, 2 * k + 1)
@@ -287,9 +287,9 @@ def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
 
 @pytest.mark.parametrize("later", [False, True])
 def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later: bool) -> None:
-    """While a worker reads an hour's messages that have waited, it calls no device silent.
+    """While a worker reads messages that have waited for an hour, it calls no device silent.
 
-    `later`: whether the worker had read all messages of its devices before.
+    `later`: whether the worker has read all of them by now. Then it does call the device silent.
     """
     worker = Worker()
     for k in range(4):
@@ -336,14 +336,15 @@ HELLO = Hello(source="s", host_ns=0, rate_hz=100.0, sampling_mode="timer", boot_
 @pytest.mark.parametrize(
     ("boot", "sequence", "device_us", "age_s", "missing"),
     [
-        # by the sequence number no sample is missing, which is more precise than the snapshot's age of 3 s
+        # the snapshot's last sample has the number 10, so none is missing, whatever the snapshot's age of 3 s
         (7, 11, 110_000, 3.0, 0),
         (7, 31, 310_000, 0.2, 20),
         (7, (10 + 70_000) % 65536, 100_000 + 700_000_000, 700.0, 69_999),
-        (8, 11, 110_000, 3.0, 299),  # the device has restarted, so 299 follows from the snapshot's age
-        (7, 11, 900_000, 3.0, 299),  # number and device time disagree, so 299 follows from the snapshot's age
-        (7, 10, 100_000, 0.5, 49),  # it is the snapshot's own sample, so 49 follows from the snapshot's age
-        # after so long, the sequence number may have wrapped any number of times
+        # from here on the number tells nothing, so the result is the snapshot's age times 100 Hz, less 1
+        (8, 11, 110_000, 3.0, 299),  # the device has restarted and numbers its samples anew
+        (7, 11, 900_000, 3.0, 299),  # the sample's number and its device time disagree
+        (7, 10, 100_000, 0.5, 49),  # the number is that of the snapshot's own last sample
+        # after an hour, the sequence number may have wrapped any number of times
         (7, 11, 110_000, 3600.0, 359_999),
     ],
 )

@@ -182,7 +182,7 @@ def test_what_is_turned_away_just_before_the_end_is_told_of() -> None:
     scene = Scene(queue_bytes=1_000_000)
     scene.sink.go.set()
     wait_until(lambda: scene.samples == 100 * len(DEVICES) * SECONDS, "all samples")
-    # As if the last check had been made in the future: no further check runs before the end.
+    # The time of the last periodic check is set to the future, so that no further check runs before the end.
     scene.ingest.hearing.checked_ns = host_ns() + 10**12
     scene.ingest.inbox.put("bad name<b>", second_of(0, 0))
     scene.end()

@@ -58,7 +58,7 @@ class Line:
     """A device on a pseudo-terminal, and its device stream.
 
     `raises`: an exception that the stream raises at the first samples. `fails`: whether the stream fails at
-    the first trouble, as with `--once`.
+    the first error of its device (event `Trouble`), as with `--once`.
     """
 
     def __init__(self, number: int, hub: Hub) -> None:
@@ -252,8 +252,8 @@ def test_a_walk_that_fails_is_finished_and_the_loop_ends_with_the_last(lines, ru
 def test_at_the_end_nothing_waits_for_more(hub, lines, monkeypatch, running) -> None:
     """With many devices, samples wait for further ones, so that larger blocks are processed together.
 
-    At the end of the program, the waiting samples are processed at once. In this test, PATIENCE_NS is so long
-    that samples would otherwise wait for longer than the test lasts.
+    At the end of the program, the waiting samples are processed at once. In this test, they would
+    otherwise wait for PATIENCE_NS = 1,000 s, which is longer than the test lasts.
     """
     monkeypatch.setattr("fltea.service.port_loop.PATIENCE_NS", 10**12)
     monkeypatch.setattr("fltea.service.port_loop.DEVICES_A_SECOND", 0)

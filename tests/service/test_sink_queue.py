@@ -70,7 +70,7 @@ def test_a_slow_sink_loses_the_newest_and_is_told_where() -> None:
     sink.go.set()
     finish(sink_queue)
     assert sink.items == [gap(k) for k in range(11)]
-    # the loss is reported after 11 records, which filled the queue and were written first
+    # the loss is reported after 11 records: one that was being written, and ten that filled the queue
     assert sink.overflows == [(11, 20)]
     assert sink_queue.stats().written + sink_queue.stats().dropped == 31
 

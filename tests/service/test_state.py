@@ -91,8 +91,8 @@ ALL = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_z"]
 def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
     channels: list[str] | None, missing: int
 ) -> None:
-    # no live fits: they would come at other samples, since the times of fits begin at 0 again in the later
-    # run
+    # no live fits: their times count from the beginning of a run, so the later run would fit at other
+    # samples
     untuned = {"live.on": False}
     settings = config(channels=channels, **untuned)
     unbroken = Pipeline(source(), settings)
@@ -129,7 +129,7 @@ def of_filters(records: list[AnyRecord]) -> list[FlteaEstimate]:
 def test_what_is_longer_ago_than_the_memory_is_bridged_by_its_length() -> None:
     settings = config()
     far, farther = (later(snapshot(settings), settings, k, k + 20) for k in (1000, 1300))
-    assert estimates(far)[1000] != estimates(farther)[1300]  # the two runs differ, since their samples do
+    assert estimates(far)[1000] != estimates(farther)[1300]  # these runs have different samples
     state = snapshot(settings)
     moved = msgspec.structs.replace(state, unix_ns=state.unix_ns - 100 * S)
     assert of_filters(later(moved, settings, 1000, 1020)) == of_filters(far)
