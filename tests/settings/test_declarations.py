@@ -144,8 +144,8 @@ def as_toml(value: Any) -> str:
 
 
 def ways(one: Declared, value: Any, folder: Path) -> list[tuple[str, list[str]]]:
-    """Return each way to give a setting (file, --set, flag) as a pair: the beginning of the error about a
-    wrong value, and the arguments of the command.
+    """Return a pair for each way to give a setting (file, --set, flag): the words with which an error about
+    its value begins, and the arguments of the command.
     """
     table, _, key = one.path.rpartition(".")
     file, beside = folder / "fltea.toml", folder / "beside.toml"
@@ -173,7 +173,7 @@ def test_every_field_of_every_table_is_declared() -> None:
 @pytest.mark.parametrize("one", ALL, ids=by_path)
 def test_a_setting_can_be_set_in_every_way(one: Declared, told: Any, tmp_path: Path) -> None:
     if one.path == "accel.estimate_on":
-        return  # only one of this setting's words applies to the accelerometer
+        return  # of this setting's values, only `host` is allowed for the accelerometer
     assert value_in(told(), one.path) == (one.default if one.path != "name" else "due")
     value = another(one)
     for _, arguments in ways(one, value, tmp_path):
