@@ -97,10 +97,10 @@ def test_how_long_yet(fit: AxisFit, left_s: float | None, words: str) -> None:
 
 
 def forecasts(*totals_s: float) -> list[int | None]:
-    """Feed several fits in turn. Return what the page states after each as the total time until α is known
-    [s], or None.
+    """Feed one fit after the other. Return what the page states after each fit: the length of the record at
+    which α will be known [s], or None.
 
-    `totals_s`: total time that each fit predicts. Each fit has a tenth more samples than the one before.
+    `totals_s`: this length as each fit predicts it. Each fit has 11 % more samples than the one before.
     """
     one, said, samples = TimeToTell(), [], 1000
     for total_s in totals_s:

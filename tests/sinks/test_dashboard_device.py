@@ -143,9 +143,9 @@ def test_largest_difference_is_that_of_what_is_shown_and_no_bucket_hides_it(sign
 
 
 def test_rows_that_are_kept_longer_than_they_are_shown_do_not_count() -> None:
-    """Rows that are older than the window shown do not count for the largest difference between device and
-    host. With one estimate in 2 s, the rows kept for the window of two minutes reach further back than two
-    minutes.
+    """The page states the largest difference between device and host in a diagram's time window. Older rows
+    do not count, although they are kept. With one estimate in 2 s, the rows for the window of two minutes
+    reach further back than two minutes.
     """
     found = both(records("n=700&rate_hz=5"), lambda seq: 5e-6 if seq == 60 else 1e-8)
     history = told(found, who="both")

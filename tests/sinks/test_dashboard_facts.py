@@ -48,7 +48,7 @@ def reconnected() -> list[AnyRecord]:
         (lambda: with_breaks([200]), 1, "good", f"running for 1 s {START}"),
         (lambda: with_breaks([200]), 4, "bad", "stalled for 4 s: no sample arrives"),
         (lambda: [*with_breaks([200]), GONE], 400, "bad", "stalled for 6 min: the port is gone"),
-        # The page must not give an earlier trouble as the cause of a later stall.
+        # The port was missing earlier, which must not appear as the cause of a later stall.
         (lambda: [NO_PORT, *with_breaks([200])], 4, "bad", "stalled for 4 s: no sample arrives"),
         (lambda: records("n=200"), 5, "wait", "at its end: no sample for 5 s"),
         (reconnected, 0, "good", "running for 0 s (reconnected, epoch 2: the device restarted)"),

@@ -29,7 +29,7 @@ def test_a_row_is_a_bucket_of_samples_with_what_is_estimated_then() -> None:
         assert time_ms == pytest.approx(np.mean([s.host_ns for s in inside]) * 1e-6)
         assert (shown["y_low"][i], shown["y_high"][i]) == pytest.approx((y.min(), y.max()))
         assert shown["y"][i] == pytest.approx(y.mean())
-        # a sample's row has the estimate of the sample before, since an estimate comes after its own sample
+        # an estimate comes after its sample, so a sample's row has the estimate of the sample before
         known = [estimates[s.host_ns - 10_000_000] for s in inside]
         assert shown["alpha"][i] == pytest.approx(np.mean([e.fltea.alpha for e in known]))
         assert shown["f_std"][i] == pytest.approx(np.mean([e.fltea.f_std for e in known]))

@@ -62,8 +62,8 @@ def test_a_visitor_too_many_is_told_how_to_be_let_in() -> None:
 
 
 def test_the_page_knows_only_what_records_say() -> None:
-    """The code of the live page imports neither the estimator nor the pipeline. So a thread of the page that
-    still runs at the end of the program holds no native objects.
+    """The code of the live page imports neither the estimator nor the pipeline, which use native objects.
+    A thread of the page that still runs at the program's end must not hold any.
 
     The code that writes downloads does not import them either.
     """

@@ -69,8 +69,8 @@ def test_only_new_rows_are_sent_and_of_them_what_there_is() -> None:
 
 
 def test_the_last_minutes_of_all_axes_come_without_one_that_is_open() -> None:
-    """If no axis is expanded on the page, the first answer has data points for small diagrams of all axes,
-    and later answers have only new points. The spectra of all axes come together as one part of the answer.
+    """No axis is opened on the page. Then the first answer has data points for small diagrams of all axes,
+    and later answers have only new points. All spectra come together as one part of the answer.
     """
     found = records("n=400")
     last = next(r for r in reversed(found) if isinstance(r, Sample))

@@ -42,8 +42,8 @@ def test_buckets_are_what_their_samples_say(values: list[float]) -> None:
                 assert np.isnan(row[2:]).all()
                 continue
             assert (row[2], row[4]) == (good.min(), good.max())
-            # in longer windows a row has the mean of other rows' means, which may differ from the mean of the
-            # samples
+            # a row of a longer window averages the means of shorter rows, which may differ from the mean of
+            # all samples
             if window == 0:
                 assert row[0] == pytest.approx(inside[:, 0].mean())
                 assert row[3] == pytest.approx(good.mean(), rel=1e-9, abs=1e-6)

@@ -112,8 +112,8 @@ def entity_amiss(figure: Figure) -> Iterator[str]:
 
 
 def row_amiss(figure: Figure) -> Iterator[str]:
-    """Yield what is wrong with the figure's row on the page: its text has to be the right number with a unit,
-    unless the label names the unit.
+    """Yield what is wrong with the figure's row on the page. The row has to name a unit, in its text or its
+    label, and the number in the text has to be the value in this unit.
     """
     row, unit = figure.page, unit_of(figure)
     if unit is None or not isinstance(row, Row):

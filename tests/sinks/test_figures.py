@@ -39,7 +39,7 @@ def files(kind: type) -> str:
 def numbers(kind: type, prefix: str = "") -> Iterator[str]:
     """Yield the paths of all numbers in a record.
 
-    Parts of the record whose figures are declared separately are left out.
+    Parts of a record that are in ROOTS have declarations of their own, and are left out.
     """
     for name, hint in get_type_hints(kind).items():
         path = f"{prefix}.{name}".lstrip(".")

@@ -106,7 +106,7 @@ the metric that says so.
 OF_THESE = (Stats, LinkStats, DeviceStatus, AxisStats, Sample, AxisEstimate)
 """The records, and parts of records, with whose metrics the text is compared."""
 ABSENT = {"stats.board.cpu_share_percent", "stats.board.longest_step_us", "stats.axes.<axis>.describes_noise"}
-"""Figures of the records OF_THESE that the example records lack, as the records of most devices do."""
+"""Figures that are unknown in the records of this test, as they are for most devices."""
 
 
 def line(key: tuple[str, Labels], number: float) -> str:

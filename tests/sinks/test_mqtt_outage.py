@@ -168,8 +168,8 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
                         done.add((id(c), mid))
                     c.acknowledge()
                     last = [q for _, _, q, _ in c.sent]
-                    # Messages of QoS 0 after the last message of QoS 1 are uncertain, since no later
-                    # acknowledgement proves that they arrived.
+                    # It is unknown whether messages of QoS 0 after the last message of QoS 1 arrived. Only
+                    # the acknowledgement of a later message would prove it.
                     unsure = last[::-1].index(1) if 1 in last else len(last)
                     acknowledged -= unsure
                     done -= {(id(c), mid) for mid in range(len(last) - unsure + 1, len(last) + 1)}
@@ -178,8 +178,8 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
                     b.wait(40)
                 case "full":
                     b.connection.full = not b.connection.full
-            # 6 is the limit; two more messages are allowed, since the two retained state messages are always
-            # sent
+            # at most IN_FLIGHT = 6 messages wait for an acknowledgement, besides the two retained state
+            # messages, which are always sent
             assert len(b.sink._delivery._flight) <= 6 + 2
             assert len(b.sink._delivery._waiting) <= 4
             states = sum(m.retain for m in b.sink._delivery._flight.messages)

@@ -38,10 +38,11 @@ wanted = st.builds(Wanted, *[st.booleans()] * 4)
 class Printing:
     """A pipeline whose samples the native code prints as text.
 
-    A new printer is made whenever the fields that all records of a block share have changed. `compared`:
-    number of rows that were printed natively, with the same text as `BlockLines` gives. `made`: number of
-    printers.
-    `missed`: number of rows that a printer did not print.
+    A new printer is made whenever the fields that all records of a block share have changed. Numbers:
+
+        compared: rows that were printed natively, with the same text as `BlockLines` gives
+        made: printers
+        missed: rows that came before a new printer, and that the old one left to Python
     """
 
     def __init__(self, changes: dict[str, Any], wanted: Wanted) -> None:
