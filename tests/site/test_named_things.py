@@ -24,8 +24,8 @@ ELSEWHERE = frozenset(
         "gen_dataset.py",
         "mavlogdump.py",  # a program of pymavlink
         "random.py",  # an example of a file of the user
-        "wit_protocol_resolver.py",  # a file of WitMotion
-        "NAME.sh",  # a text says NAME.sh where any name may stand
+        "wit_protocol_resolver.py",  # a file from the sensor maker WitMotion
+        "NAME.sh",  # NAME stands for any name
     }
 )
 """Files of other programs that our texts name."""
@@ -71,7 +71,7 @@ def unknown_files(text: str) -> set[str]:
 
 @cache
 def ends_of_paths() -> frozenset[str]:
-    """Return all names of the repository's paths in texts: with all, some or none of the folders."""
+    """Return every name that a text may use for a file: for `a/b/c.py` also `b/c.py` and `c.py`."""
     parts = [name.split("/") for name in tracked()]
     return frozenset("/".join(one[n:]) for one in parts for n in range(len(one)))
 

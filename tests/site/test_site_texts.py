@@ -74,7 +74,7 @@ def test_commands_in_a_text_exist_with_their_options(text: str) -> None:
         for command in line.split(" | "):
             try:
                 words = shlex.split(command.replace("; fltea ", " # "), comments=True)
-            except ValueError:  # This is not a line for a shell.
+            except ValueError:  # Not a shell command: a quote is not closed.
                 continue
             if words[:1] not in (["fltea"], [".venv/bin/fltea"]) or len(words) < 2:
                 continue
