@@ -132,7 +132,7 @@ EACH_TRANSFER = pytest.mark.parametrize(
 
 @EACH_FAMILY
 def test_a_poll_has_no_other_transfers(who_am_i: int) -> None:
-    """The transfers of a poll are those at which the bus begins to fail in the next test."""
+    """`beginnings_of_transfers` lists all transfers of a poll. The next test lets the bus fail at each."""
     pi, seen = pi_with(who_am_i).run_until(2.0), set()
     pi.bus.inject = lambda messages: seen.add(bytes(messages[0]))
     pi.run_until(2.2)

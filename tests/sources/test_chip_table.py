@@ -75,8 +75,8 @@ def test_the_facts_of_every_chip(who_am_i: int) -> None:
     assert 1000 * chip.settle_s >= facts.gyro_start_ms, facts.row("settle_s is too short")
     from_fifo, from_register = chip.packet.temperature is not None, chip.temperature is not None
     assert from_fifo != from_register, facts.row("temperature or packet.temperature: one of both is needed")
-    # A driver that allows for too small an error takes a correct clock for lost samples. One that allows for
-    # more than four times the stated error would not notice lost samples.
+    # If the driver allows for too small an error, it takes the error of a correct clock for lost samples. If
+    # it allows for more than four times the stated error, it would not notice lost samples.
     assert facts.clock_error <= chip.clock_error <= 4 * facts.clock_error, facts.row("clock_error")
 
 

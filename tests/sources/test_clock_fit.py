@@ -36,7 +36,9 @@ def test_fewer_are_refused(device: list[float], delay: list[float]) -> None:
 
 
 def test_the_clock_of_live_samples_is_this_fit() -> None:
-    """Arrivals are exact, so that the prior of `Timebase` on the clocks' ratio has no visible effect."""
+    """`Timebase` assumes beforehand that both clocks run almost equally fast. This has no visible effect
+    here, since the arrivals are exact.
+    """
     seq = list(range(6001))
     device_us = [10_000 * one for one in seq]
     host_ns = [round(10_000_000 * 1.0001 * one) + 5_000 for one in seq]

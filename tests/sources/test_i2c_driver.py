@@ -85,7 +85,7 @@ def test_firmware_and_host_mean_the_same_registers() -> None:
 
 
 def set_up(who_am_i: int, world: World | None = None) -> Bench:
-    """Return the bench of a chip that is set up, or tell which of its registers does not keep its setting."""
+    """Set up an emulated chip, and return its `Bench`. Fail if a register does not keep its setting."""
     bench, facts = of_chip(who_am_i), EMULATED[who_am_i]
     bench.chip.world = world or bench.chip.world
     try:
@@ -196,7 +196,7 @@ def test_the_fifo_is_emptied_and_runs_after_a_restart(who_am_i: int) -> None:
     bench, facts = set_up(who_am_i), EMULATED[who_am_i]
     bench.wait(5.5 * facts.period_ms)
     size = bench.driver.chip.packet.size
-    # a restart of the FIFO does not move the times of the conversions
+    # the chip measures at the same times whenever its FIFO was restarted: 5 or 6 times in 5.5 periods
     assert bench.driver.level().bytes in (5 * size, 6 * size), facts.row("restart does not start the FIFO")
     bench.driver.restart_fifo()
     assert bench.driver.level().bytes in (0, size), facts.row("restart does not empty the FIFO")
@@ -293,9 +293,9 @@ def test_level_and_overflow(who_am_i: int) -> None:
         while len(rows) < fits:
             rows += bench.driver.read_samples(min(15, fits - len(rows)))
         first, last = (bench.driver.counts(row)[0][0] for row in (rows[0], rows[-1]))
-        # the oldest samples are kept; a tick is 0.1 ms
+        # the oldest samples are kept; the emulated values are times in units of 0.1 ms
         assert last - first == (fits - 1) * period_ms * 10, facts.row("keeps_oldest, or packet")
-    # the flag is cleared by reading it, but what it told stays true
+    # reading the chip's flag clears it, but the driver remembers the overflow
     assert bench.driver.level().overflowed, facts.row("overflow, register", bench.driver.chip.overflow[0])
     bench.driver.restart_fifo()
     assert bench.driver.level()[:2] == (0, False)

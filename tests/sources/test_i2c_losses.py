@@ -77,14 +77,15 @@ def test_a_stall_between_any_two_transfers_is_counted(register: int) -> None:
     once(pi, register, lambda messages: pi.host.let_pass(2 * S)).run_until(SETTLED_S + 4)
     pi.check()
     assert pi.told == ["fifo_overflow"]
-    # The samples in the full FIFO are not lost, unless the program read the FIFO's count before the overflow.
+    # A full FIFO has 36 samples, which are delivered. But if the stall comes after the FIFO's count was read,
+    # only the 3 samples of that count are.
     assert sum(pi.missing) == pytest.approx(201 - (36 if register in (0x72, 0x19) else 3), abs=5)
 
 
 def test_an_overflow_that_may_have_happened_is_asked_for_until_there_is_an_answer() -> None:
-    """The program stalls for nearly as long as the FIFO has room, so it asks the chip, after it has read the
-    samples, whether the FIFO has overflowed. This read fails, and is repeated. There was no overflow, so
-    nothing is lost.
+    """The program stalls for nearly as long as the FIFO has room. So after it has read the samples, it reads
+    from the chip whether the FIFO has overflowed. Only the last of several attempts succeeds. There was no
+    overflow, so nothing is lost.
     """
     pi = Pi()
     tries: list[int] = []
@@ -211,7 +212,8 @@ def test_a_bus_that_fails_for_200_ms_loses_nothing() -> None:
 
 def test_samples_of_a_sensor_that_is_lost_before_their_check_are_counted() -> None:
     """After it has read samples, the program checks that the sensor still has its settings. Here the bus
-    fails before this check, until the sensor counts as lost. So the samples that were read count as missing.
+    fails before this check, until the sensor counts as lost. The samples that were read then count as
+    missing, since they may have been measured with wrong settings.
     """
     pi = Pi()
 
@@ -227,8 +229,10 @@ def test_samples_of_a_sensor_that_is_lost_before_their_check_are_counted() -> No
 
 
 def test_samples_that_wait_for_their_check_are_delivered_although_the_sensor_stopped() -> None:
-    """The FIFO overflows, what it holds is read, and the bus fails. Then the FIFO is restarted, but the
-    sensor has fallen asleep, and the bus fails again until the sensor counts as stopped.
+    """The FIFO overflows, its samples are read, and the bus fails before the settings are checked.
+
+    Then the FIFO is restarted, but the sensor has fallen asleep. The bus fails again until the sensor counts
+    as stopped. The samples are still delivered.
     """
     pi, seen = Pi(), [0]
 

@@ -1,7 +1,7 @@
 """The program or the bus is delayed while the FIFO is restarted after a broken transfer.
 
-Each sample is delivered with its number or counted, and where the number of lost samples is not certain, the
-report says how uncertain it is.
+Each sample is either delivered with its true number, or counted as lost. If the number of lost samples is not
+certain, the report says how uncertain it is.
 """
 
 import errno
@@ -19,9 +19,9 @@ TRANSFERS = range(12)
 
 
 def delayed(transfer: int, delay_s: float) -> Pi:
-    """Return a Pi on which a transfer of samples broke off, and the program was delayed after another one.
+    """Return a Pi on which a transfer of samples broke off. The program was delayed a little later.
 
-    `transfer`: the number of transfers between the two.
+    `transfer`: the transfer after which the delay came; 0 is the first one after the broken transfer.
     """
     pi = Pi()
     seen: list[int] = []
@@ -47,7 +47,7 @@ def delayed(transfer: int, delay_s: float) -> Pi:
 @pytest.mark.parametrize("delay_s", [0.02, 0.1, 0.3])
 @pytest.mark.parametrize("transfer", [4, 5])
 def test_a_delay_while_the_fifo_is_restarted_does_not_change_numbers(transfer: int, delay_s: float) -> None:
-    """The FIFO is filled from the write that starts it, however long the transfers after it take."""
+    """The FIFO fills from the write that starts it, so delays of later transfers lose no further samples."""
     pi = delayed(transfer, delay_s)
     pi.check()
     assert pi.missing == [3]

@@ -117,8 +117,8 @@ def test_samples_come_soon() -> None:
     pi = Pi().run_until(5)
     late_ms = [(pi.host.now_ns - taken_ns(raw.gyro, raw.accel)) / MS for raw in pi.raw[-3:]]
     assert max(late_ms) < 45
-    # A sample's arrival time is as exact as the sensor's clock is known. It is never before the time of
-    # measurement, and at most little more than a period later.
+    # `host_ns` is computed from the sensor's clock. It is never before the time of the sample's measurement,
+    # and at most little more than a period later.
     waits_ms = [(raw.host_ns - taken_ns(raw.gyro, raw.accel)) / MS for raw in pi.raw]
     assert 0 <= min(waits_ms) < 1
     assert max(waits_ms) < 13
@@ -127,7 +127,7 @@ def test_samples_come_soon() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("ppm", "until_s"), [long(9_000.0, 1_400), (-7_300.0, 300)])
 def test_a_long_time(ppm: float, until_s: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """To save time, the FIFO is read less often than usual. The sequence number wraps twice."""
+    """To save time, the FIFO is read less often than usual. The longer run has more than 2^17 samples."""
     monkeypatch.setattr(i2c, "POLL_S", (0.15, 0.2))
     pi = Pi(clock_ppm=ppm)
     decoder = Decoder(lambda: 0, 100)

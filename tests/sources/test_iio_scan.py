@@ -61,7 +61,7 @@ def elements(draw: st.DrawFn) -> list[Element]:
 
 
 def plainly(elements: list[Element], data: bytes) -> list[dict[str, int]]:
-    """Decode scans byte by byte, with Python's own integers."""
+    """Decode scans (an IIO device's samples of all channels) byte by byte, with Python's own integers."""
     scans, at = [], 0
     largest = max(element.size for element in elements)
     while at < len(data):

@@ -48,7 +48,7 @@ class Player:
         return self.until(kind)
 
     def until(self, kind: type[Event]) -> list[Any]:
-        """Return the source's events, without ticks, up to the first event of this kind."""
+        """Return the source's events up to the first one of this kind, without `Tick` ("nothing came")."""
         found = []
         for event in self.events:
             found += [] if isinstance(event, Tick) else [event]
@@ -171,7 +171,9 @@ def test_a_lost_device_is_told_and_opened_again(tmp_path: Path) -> None:
 
 
 def test_samples_that_wait_for_their_rate_are_not_lost_with_the_device(tmp_path: Path) -> None:
-    """From the time stamps of one second the rate is not known yet. Then the device is lost."""
+    """Samples of one second wait, since their times do not yet suffice to tell the rate. Then the device is
+    lost. The samples are still delivered.
+    """
     player = Player(imu(tmp_path))
     player.open()
     player.play(scans(0, 200), kind=Tick)

@@ -71,7 +71,7 @@ def objects_of_two(k: int) -> str:
 
 
 def of_day(k: int) -> str:
-    """Return the time of day of sample k; the times pass midnight."""
+    """Return the row of sample k with its time of day. The first time is 23:59:58."""
     clock = f"23:59:{58 + k // 100}" if k < 200 else "00:00:00"
     return f"{clock}.{k % 100:02},{row(k).partition(',')[2]}"
 
@@ -189,8 +189,8 @@ LIVE = [
 
 @pytest.mark.parametrize("name", LIVE)
 def test_a_logger_is_recognised_from_a_few_lines(name: str, tmp_path: Path) -> None:
-    """A logger is recognised in live text, too, although live lines come one by one, whereas the numbers in a
-    file are examined together.
+    """Which logger has written a text is recognised from live lines, too. They come one by one, whereas all
+    numbers of a file can be examined together.
     """
     data, how = (HERE / name).read_bytes(), how_of(OPTIONS[name])
     events, source = live(data.splitlines(keepends=True), how)

@@ -30,7 +30,7 @@ class Port:
     def hwid(self) -> str:
         return "n/a" if self.vid is None else f"USB VID:PID={self.vid:04X}:{self.pid:04X} SER=1 LOCATION=1-1"
 
-    # the object of pyserial that this class replaces can be unpacked like a tuple, too
+    # pyserial's `ListPortInfo`, which `Port` replaces, can be unpacked like a tuple, too
     def __iter__(self) -> Iterator[str]:
         return iter((self.device, self.description, self.hwid))
 

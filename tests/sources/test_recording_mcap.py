@@ -35,7 +35,7 @@ def many_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(record_module, "FLUSH_NS", 0)
 
 
-# --- the same bits ---
+# --- a replay gives what the live run gave, to the last bit ---
 
 
 @pytest.mark.parametrize("rotation", [{}, {"rotate_s": 0.7}])
@@ -124,7 +124,8 @@ def test_a_damaged_chunk_costs_itself_alone(chunk: int, tmp_path: Path) -> None:
     """A damaged chunk loses only its own content. This holds for the first chunk, too, which describes the
     channels.
 
-    The channel of raw bytes is readable without its description, since it always has the same ID.
+    The raw bytes from the port can be read without the description of their channel, since its ID is always
+    the same.
     """
     record(tmp_path, transport(samples=500), channels=())
     spoil(tmp_path, chunk, 60, 0xFF)
@@ -179,7 +180,7 @@ def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> Non
     record(tmp_path / "whole", items, channels=())
     data = files(tmp_path / "whole")[0].read_bytes()
     ends = [at + HEAD.size + length for at, kind, length in _places(data) if kind == Opcode.CHUNK]
-    # length of the file up to the end of the session's metadata
+    # a file that ends before the end of the session's metadata is refused
     head = _places(data)[1][0] + HEAD.size + _places(data)[1][2]
     everything = [item for item in items if isinstance(item, Chunk)]
     path = tmp_path / "cut.mcap"
@@ -193,7 +194,7 @@ def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> Non
             continue
         events = list(McapRecording(before, "x").events())
         chunks = sum(end <= length for end in ends)
-        # there is one chunk less than items, since the first recorded item is `Opened`, which has no bytes
+        # each item has a chunk of its own; the first item is `Opened`, which has no bytes
         bytes_in = b"".join(item.data for item in everything[: max(0, chunks - 1)])
         frames = FrameReader().feed(bytes_in)
         samples = [frame for frame in frames if isinstance(frame.message, wire.Sample)]

@@ -276,8 +276,8 @@ def test_real_pace_waits_for_each_sample(tmp_path: Path, now_ns: list[int]) -> N
 
 
 def test_close_ends_a_long_wait(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """`close` ends a long wait of the replay. Python continues to sleep after a signal, so a long wait
-    consists of short ones.
+    """`close` ends a long wait of the replay. A signal does not end a call of Python's `sleep`. So
+    the replay sleeps for a short time again and again.
     """
     source = ReplaySource(csv_file(tmp_path, [0.0, 600.0, 1200.0]), how=How(overrule=True), realtime=True)
     slept_s: list[float] = []

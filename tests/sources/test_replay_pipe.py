@@ -199,8 +199,8 @@ IN_ONE_GO = {"plain.csv"}
     ],
 )
 def test_what_a_shell_hands_over(way: str, names: tuple[str, ...]) -> None:
-    """Recordings that a shell passes to the program are read, also if a reader process reads them, whose
-    standard input is not this program's.
+    """The program reads recordings that a shell passes to it. This also works if it reads them in another
+    process, whose standard input is a different one.
 
     A pipe is refused for formats that cannot be read sequentially.
     """
@@ -233,8 +233,8 @@ def test_a_redirected_file_that_has_no_name_any_more(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_standard_input_of_identify(jobs: int, tmp_path: Path) -> None:
-    """`identify` reads standard input together with a further file. With several jobs, other processes do the
-    reading, but these do not have this process's standard input.
+    """`identify` reads standard input together with a further file. With several jobs, other processes read
+    the files, but only this process has the standard input.
     """
     rng = np.random.default_rng(1)
     rows = "".join(f"{value:.6f}\n" for value in rng.normal(size=5000))

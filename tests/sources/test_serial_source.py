@@ -58,7 +58,7 @@ def hello_bytes(sequence: int = 0, **changes: object) -> bytes:
 
 
 def names(events: list[Event]) -> list[str]:
-    """Return the kind of each trouble among events, and the type of each other event."""
+    """Return a name for each event: the kind of an error (`Trouble`), the type of any other event."""
     return [event.kind if isinstance(event, Trouble) else type(event).__name__ for event in events]
 
 
@@ -98,8 +98,8 @@ def test_each_message_becomes_its_event(script: Script) -> None:
 
 
 def test_a_status_that_measured_no_time_says_nothing_of_it(script: Script) -> None:
-    """A STATUS frame with zeros in place of time measurements gives None for them. So a recording of a source
-    that measures no times is replayed unchanged.
+    """A STATUS frame with zeros in place of time measurements gives None for them. A source that measures no
+    times is recorded with such zeros, and gave None in the live run.
     """
     status = wire.Status(1, 2, 3, 4, 5, wire.ResetCause.WATCHDOG, 0, 0)
     *_, health = script.hears(hello_bytes() + encode(status, 0, 0), 3)
@@ -124,7 +124,7 @@ def test_silence_is_told_once_and_again_after_speech_or_a_minute(script: Script)
     assert names(script.later(LIMIT + 61 * S)) == ["silent"]
     script.hears(hello_bytes(), 70 * S)
     assert names(script.later(76 * S)) == ["silent"]
-    # The first byte after a silence must not count as five seconds of invalid bytes.
+    # Five seconds with bytes, but without a valid frame, mean a wrong baud rate. A silence does not count.
     assert script.hears(hello_bytes()[:1], 76 * S + 1) == []
     assert names(script.hears(hello_bytes()[1:], 76 * S + 2)) == ["Hello"]
 

@@ -39,7 +39,7 @@ def the_trouble(events: Iterable[Event]) -> Trouble:
 def steady(
     text: TextEvents, first: int, last: int, late_s: float = 0.0, rate_hz: float = 100.0
 ) -> list[Event]:
-    """Feed lines to `text`, each at its time, and return the events."""
+    """Feed the lines of samples `first` to `last` - 1 to `text`, each at its time, and return the events."""
     return [
         event
         for k in range(first, last)
@@ -260,8 +260,8 @@ def test_a_port_is_read_from_its_first_whole_line_and_told_when_it_vanishes() ->
     controller, port = os.openpty()
     source = SerialText(f"{os.ttyname(port)}?baud=115200", RATE)
     events = source.events()
-    assert isinstance(next(events), Tick)  # a tick shows that the port is open
-    os.write(controller, b"9\n1\n2\n")  # "9" is the end of a line whose beginning is unknown
+    assert isinstance(next(events), Tick)  # `Tick` (nothing has arrived) shows that the port is open
+    os.write(controller, b"9\n1\n2\n")  # "9" may be the end of a longer number, so it is left out
     found = until(events, RawBlock)
     assert of(RawBlock, found)[-1].gyro.ravel().tolist() == [1, 2]
     os.close(port)
@@ -286,8 +286,8 @@ def test_a_port_that_is_back_begins_a_new_run() -> None:
 
 
 def test_hours_that_come_at_once_are_taken_one_by_one() -> None:
-    """Lines are ten seconds apart, so one read holds the lines of more than 71 minutes, after which device
-    time wraps.
+    """Device time wraps after 71 minutes. Here one read has lines of eight hours, ten seconds apart. They are
+    divided into blocks that are shorter than half of the 71 minutes.
     """
     text = opened(
         How(columns=["gx"], rate_hz=None, time_column="t", time_unit="s", units="dps", overrule=True)

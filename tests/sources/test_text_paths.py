@@ -177,8 +177,8 @@ def texts(draw: st.DrawFn) -> bytes:
     separator = draw(st.sampled_from([",", ";", "\t", " "]))
     comma = separator != "," and draw(st.booleans())
     header = draw(st.sampled_from(HEADERS)).replace(",", separator)
-    # The sampling rate of a pipe is found from its first 2 s, that of a file from all rows. The steps in
-    # these texts are such that both rates are equal.
+    # The sampling rate of a pipe is found from its first 2 s, that of a file from all rows. The times in
+    # these texts are equally spaced, so that both rates are equal.
     step = draw(st.sampled_from(["0.01", "0"] if "time_s" in header else ["10", "10", "10", "0.01", "0"]))
     columns = 6 if "ax" in header else 3
     lines = []
@@ -212,8 +212,8 @@ def test_what_a_file_takes_a_pipe_takes_with_the_same_samples(
         assert isinstance(from_file, str), from_pipe
         assert isinstance(from_pipe, str), from_file
         return
-    # if a line lacks the accelerometer's values, a file gives no accelerometer at all, whereas a pipe gives
-    # the values of the lines before
+    # If a line lacks the accelerometer's values, the accelerometer is left out. From a file it is left out
+    # completely. From a pipe the earlier lines have already been passed on with it.
     if from_file.accel is None:
         from_pipe = from_pipe._replace(accel=None)
     assert from_file == from_pipe
