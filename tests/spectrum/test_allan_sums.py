@@ -36,8 +36,8 @@ def test_against_allantools(kind, n):
     whole = factors <= FULL
     np.testing.assert_allclose(adev[whole], expected[whole], rtol=1e-12)
     np.testing.assert_array_equal(terms[whole], theirs[whole])
-    # For averaging times τ that are longer than FULL, only eight pairs of means begin within each τ, so the
-    # sum of the squared differences has a few percent fewer degrees of freedom.
+    # For averaging times τ that are longer than FULL, only eight pairs of means begin within each τ. So the
+    # two deviations differ, but by less than 0.7 of their standard error.
     error = expected / np.sqrt(2 * full_overlap(-2 if kind == "random walk" else 0, factors, n))
     assert (np.abs(adev - expected) < 0.7 * error).all()
 
@@ -47,7 +47,10 @@ def test_against_allantools(kind, n):
     st.lists(st.tuples(st.integers(0, 90), st.booleans()), max_size=40), st.sampled_from([0.0, 40.0, 1000.0])
 )
 def test_cuts_of_the_rows_looks_and_snapshots_change_nothing(parts, memory):
-    """Each item of `parts` is a number of samples, and whether a break follows these samples."""
+    """It does not matter how samples are divided, whether sums are read in between, or saved and restored.
+
+    `parts`: for each call, the number of samples, and whether a break follows them.
+    """
     rng = np.random.default_rng(len(parts))
     rows = [rng.standard_normal(n) for n, _ in parts]
     one, other = AllanSums(memory), AllanSums(memory)

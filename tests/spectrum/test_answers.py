@@ -1,5 +1,6 @@
-"""A verdict asks questions about the best model without an order, such as whether the noise drifts. Each part
-of a noise answers one question with yes, with other parts in the model or without.
+"""A verdict asks questions about the best model without an order, such as whether the noise drifts. For each
+kind of part, there is one question to which the answer is yes if the model has such a part, alone or with
+other parts.
 """
 
 from copy import copy
@@ -25,7 +26,7 @@ SAID = [kind for kind in p.CODES if kind.row().says not in ("nothing", "order")]
 
 
 def reading_of(*parts: p.Part) -> Reading:
-    """Return what is read from the model of white noise and these parts, as if it were the best model."""
+    """Return what `read` finds if the best model consists of white noise and these parts."""
     noise = [p.White(1.0), *parts]
     f = copy(CandidateModels(bins(noise, SAMPLES, H, None), H, 0))
     codes, eta = [part.code for part in noise], [x for part in noise for x in part.eta(H)]

@@ -26,10 +26,8 @@ NOISES = (
     *((0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5), (0.7, -0.03, 0.1), (0.5, -0.005, 0.2)),
     *((0.9, -0.01, 0.01),),
 )
-"""Parameters of the noises: order α, g = h^α f, and the state's part of the noise.
-
-The latter is the ratio of the state's driving variance to the sum of this variance and that of the white
-noise.
+"""Parameters of the noises: the order α, g = h^α f (h: sampling period), and s2 / (s2 + R). Here s2 is the
+variance that drives the state, and R that of the white noise.
 """
 
 
@@ -76,8 +74,8 @@ def test_the_order_and_its_interval_are_near_the_hosts(
     assert abs(board.alpha - alpha.value) < (0.8 if gaps else 0.4) * half
     assert 0.8 < 1.96 * board.alpha_std / half < 1.3
     assert board.verdict != WHITE
-    # After each break the filters of all octaves restart. The octaves of the lowest frequencies lose the most
-    # samples.
+    # After each gap in the samples, the filters of all octaves restart. The octaves of the lowest frequencies
+    # lose the most samples.
     ratio = board.ratio_white / ratio_of_order(whole)
     assert (0.65 if gaps else 0.9) < ratio < 1.02
     assert board.ordinates == pytest.approx(whole.ordinates, rel=0.05)
@@ -134,10 +132,11 @@ def fits_as_it_grows(counts: NDArray[np.int16]) -> list[BoardFit]:
 
 @pytest.mark.slow
 def test_of_weak_noise_the_interval_holds_the_order_and_the_next_answer() -> None:
-    """The board's last interval of an order contains the true order in most of 40 records. Intervals from the
-    curvature of the likelihood alone would contain it in only 20.
+    """The board's last interval of an order contains the true order in most of 40 records. While a record
+    grows, at most one fitted order in 300 is outside the interval of the previous fit.
 
-    Measured: 65 of 7,234 fitted orders were outside the interval of the previous fit.
+    Intervals from the curvature of the likelihood alone contained the true order in only 20 records, and 65
+    of 7,234 fitted orders were outside the previous interval.
     """
     records = [fits_as_it_grows(weak_noise(seed)) for seed in range(40)]
     defined = [fits[-1] for fits in records if fits[-1].alpha_defined]
@@ -149,7 +148,10 @@ def test_of_weak_noise_the_interval_holds_the_order_and_the_next_answer() -> Non
 
 
 def ratio_of_order(whole: Periodogram) -> float:
-    """Return the host's likelihood ratio of white noise and the only alternative that a board tests."""
+    """Return the host's likelihood ratio of noise of a fractional order to white noise.
+
+    A board tests no other alternative to white noise.
+    """
     return native(binned(whole), whole.h, whole.n).null_test([])[0]
 
 

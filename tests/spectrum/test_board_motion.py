@@ -9,7 +9,7 @@ from tests.rig.spectrum_probe import BoardSpectrum, track_sensor
 
 WHITE, FRACTIONAL, RELAXATION = 1, 2, 3
 AHEAD = 100
-"""Number of samples over which the bias is predicted: those of the next second."""
+"""The bias is the predicted mean of this many future samples, those of the next second."""
 CHUNK = 32
 LSB = 16.4
 """Scale of the sensor: counts per deg/s."""
@@ -35,8 +35,8 @@ def counts(world: NDArray[np.float64]) -> NDArray[np.int16]:
 def tracked(
     world: NDArray[np.float64], model: tuple[float, ...], ahead: int = AHEAD
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Let the board track the bias of each axis of `world` with one noise model from sample 2,000 on, and
-    update the offset every 2.5 s.
+    """Let the board track the bias of each axis of `world`, which has unrounded counts, (n, 3). From sample
+    2,000 on, the board gets the noise model every 2.5 s, and its offset becomes the mean until then.
     """
     axes = [BoardSpectrum(ahead) for _ in world.T]
     found, moving = [], []
@@ -59,7 +59,7 @@ def test_the_bias_is_the_mean_over_the_second_to_come() -> None:
     rows = {}
     for ahead in (0, AHEAD):
         board = BoardSpectrum(ahead)
-        # By this sample, the board knows the offset.
+        # After a million samples of 0, the board's offset (the mean) is 0.
         board.track(np.zeros(1_000_000, dtype=np.int16))
         board.track_by(RELAXATION, fall, variance, R)
         rows[ahead] = board.track(np.full(40, 3, dtype=np.int16))[-1]
@@ -104,8 +104,8 @@ def test_motion_of_one_axis_lets_all_predict_and_the_bias_of_before_counts_again
         # and for two more chunks.
         -(-end // CHUNK) * CHUNK + 2 * CHUNK - 2,
     ]
-    # During the turn, the bias contains neither the turn nor its leakage into the other axes. Only the error
-    # of the offset is left.
+    # During the turn, the bias contains neither the turn nor its leakage into the other axes. It differs from
+    # the true value only by the error of the mean of the samples before.
     during = slice(end - 1000, end)
     assert np.abs(bias[during] - OFFSETS).max() < 0.1
     # The bias is right again within a second after the motion has stopped.
@@ -131,8 +131,8 @@ def test_the_chunk_in_which_motion_is_found_and_the_one_before_are_undone() -> N
         board.track_by(*SLOW)
         if board is axis:
             moved = last
-    # When the board detects the turn, it replaces the samples of this chunk and of the one before by
-    # predictions. So its state equals that of a tracker that never received these samples.
+    # When the board detects the turn, it takes back this chunk of samples and the one before, as if they had
+    # been lost. So the state has decayed by `a` in each of these samples.
     calm = last[2] * a ** (2 * CHUNK)
     assert moved[2] == pytest.approx(calm, abs=0.05)
     assert abs(moved[0] - OFFSETS[0]) < 0.5
@@ -147,7 +147,7 @@ def test_a_turn_is_motion_while_it_lasts_and_a_smaller_step_is_the_bias_after_te
         assert moving[-1] != is_bias
         wanted = OFFSETS + np.array([size_dps * LSB * is_bias, 0.0, 0.0])
         assert np.all(np.abs(found[-1, :, 0] - wanted) < 4 * found[-1, :, 1])
-        # The bias of an axis without motion is as certain as before.
+        # The bias of an axis without motion is as certain as before the motion.
         assert found[-1, 1, 1] < 1.2 * SIGMA / np.sqrt(BEGIN)
 
 

@@ -23,10 +23,11 @@ SETTLED = slice(6000, N)
 
 
 def steady(a: Array, q: Array, r: float) -> tuple[Array, float]:
-    """Return the steady gains and the innovation variance of a Kalman filter. Its states are relaxations with
-    the coefficients `a`, whose innovations have the variances `q`. `r`: variance of the white noise.
+    """Return the steady gains of a Kalman filter, and the variance of its innovations. Its states are
+    relaxations with the coefficients `a`, which are driven by white noise of the variances `q`. `r`: variance
+    of the measurement's white noise.
 
-    The gains are computed by iterating the filter's variance.
+    The covariance of the states is computed again and again until it no longer changes.
     """
     P = np.diag(q / (1 - a**2))
     for _ in range(20_000):
@@ -48,7 +49,7 @@ def test_the_gain_of_a_relaxation_is_that_of_the_riccati_equation(fall: float) -
     a, variance = 1 - fall, 40.0
     (K,), S = steady(np.array([a]), np.array([variance * (1 - a * a)]), R)
     board = BoardSpectrum()
-    # By this sample, the board knows the offset.
+    # After a million samples of 0, the board's offset (the mean) is 0.
     board.track(np.zeros(1_000_000, dtype=np.int16))
     board.track_by(RELAXATION, fall, variance, R)
     pulse = np.zeros(40, dtype=np.int16)
@@ -65,8 +66,8 @@ def test_of_lost_samples_it_predicts() -> None:
     board.track_by(RELAXATION, 0.02, 400.0, R)
     before = board.track(np.full(50, 30, dtype=np.int16))[-1, 2]
     board.lose(99)
-    # By the step after 99 lost samples, the state has faded by the factor 0.98^100. A sample that equals its
-    # prediction does not change the state.
+    # A sample comes 100 periods after the last one, and the state has faded by the factor 0.98^100. This
+    # sample equals its prediction, so it does not change the state.
     wanted = before * 0.98**100
     after = board.track(np.array([round(wanted)], dtype=np.int16))[-1, 2]
     assert after == pytest.approx(wanted, abs=0.3)

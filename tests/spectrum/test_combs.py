@@ -28,8 +28,8 @@ RATE_HZ = 1 / H
 
 
 def glitches(n: int, period_s: float, samples: int, size: float, late: int = 0, seed: int = 1) -> Array:
-    """Return n samples with glitches: at the beginning of each period, `samples` samples have the value
-    `size`, and all others are 0.
+    """Return n samples, which are 0 except for a glitch at the beginning of each period. A glitch has the
+    value `size` and lasts as long as `samples` says.
 
     Each glitch is shifted at random by up to `late` samples.
     """
@@ -60,7 +60,7 @@ def test_a_glitch_in_each_period_of_a_file(what: tuple[float, ...], seed: int) -
     assert found.verdict.what.startswith("Something happens every ")
     N = found.figures.level.N
     assert N.value is not None
-    # the tolerance is 4 σ; if the glitches counted as white noise, the value would be 1.1 to 1.9
+    # N/√h, the white noise's σ, is 1 ± 0.04 (4 standard errors); with the glitches, it would be 1.1 to 1.9
     assert N.value / H**0.5 == pytest.approx(1, abs=0.04)
     power = what[1] * what[2] ** 2 * H / what[0]
     assert peak.power_share == pytest.approx(power / (1 + power), rel=0.15)
@@ -165,8 +165,8 @@ def test_a_period_is_not_a_multiple_of_it() -> None:
 
 @pytest.mark.parametrize("period_s", [1.037, 0.4819, 0.555])
 def test_a_period_that_is_no_number_of_samples_is_not_ten_periods(period_s: float) -> None:
-    """The period is found, and not a multiple of it. It is no whole number of samples, so the events, rounded
-    to whole samples, repeat exactly only after two, four or ten periods.
+    """The period is found, and not a multiple of it. It is no whole number of samples, but 55.5, for
+    example. Events begin at whole samples, so their distances repeat only after several periods.
     """
     comb = find_comb(periodogram(noisy(60_000, period_s, 1, 5.0), H))
     assert comb is not None
@@ -206,8 +206,8 @@ def test_a_median_filter_is_named(samples: int, step: float) -> None:
     assert "resonance" not in found.verdict.text
     assert "median filter" in {data_check.kind for data_check in axis_data_checks(y, H)}
     assert held([y], [None], H) == (), "no sample was delivered twice"
-    # The true density of the filtered noise, from a long record. It is 8 to 14 % above that of the noise
-    # before the filter.
+    # The true density of the filter's output at low frequencies, from a long record. It is 8 to 14 % above
+    # that of the filter's input.
     long = median(white(1_000_000, 1, 99)[0], samples)
     density = long[: len(long) // 1000 * 1000].reshape(-1, 1000).mean(axis=1).std() * 1000**0.5
     N = found.figures.level.N
@@ -268,7 +268,7 @@ def wandering(n: int, rate_hz: float, seed: int) -> Array:
 
 @pytest.mark.parametrize("rate_hz", [25.0, 50.0, 98.0, 99.0, 100.0, 101.0, 200.0])
 def test_wandering_hum_is_no_filter(rate_hz: float) -> None:
-    """Aliasing moves the hum to 0 Hz at sample rates of 25 and 50 Hz, and to 50 Hz at 100 Hz."""
+    """At sample rates of 25 and 50 Hz, aliasing moves the hum to 0 Hz. At 100 Hz, the hum is at Nyquist."""
     found = analyse(wandering(20_000, rate_hz, 4), 1 / rate_hz)
     assert found.verdict.kind == "resonance"
     N = found.figures.level.N
@@ -279,8 +279,9 @@ def test_wandering_hum_is_no_filter(rate_hz: float) -> None:
 
 @pytest.mark.parametrize("slowness", [0.03, 0.1, 1.0])
 def test_a_walk_is_no_line(slowness: float) -> None:
-    """A random walk is not reported as a line that wanders about. The amplitude of a line is constant, so the
-    fourth moment of its values is small. That of a walk with few slow waves is also small.
+    """A random walk is not reported as a line that wanders about. A line is recognised by its constant
+    amplitude: the fourth moment of its values is small for their variance. A random walk that has only a few
+    slow waves in a record can have such a small fourth moment, too.
     """
     for seed in range(6):
         walk = slowness * np.cumsum(white(20_000, 1, seed + 50)[0])

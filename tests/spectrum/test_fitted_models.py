@@ -96,11 +96,10 @@ def fitted(parts: Parts, data: Binned, n: int) -> tuple[CandidateModels, FittedM
 
 @pytest.mark.parametrize("name", [name for name in NOISES if name != "notch"])
 def test_as_good_as_the_slow_fit(name: str) -> None:
-    """The native fit is as good as the slow fit. A notch is left out, since for it the native fit averages
-    the spectrum over each bin.
+    """The native fit is as good as the slow fit. The noise with a notch is not compared.
 
-    Near the zero of the notch, this average differs from the spectrum at the bin's centre, which the slow fit
-    takes.
+    For a notch, the native fit averages the model's spectrum over each bin. Near the notch's frequency, where
+    the spectrum is 0, the average differs from the value at the bin's centre, which the slow fit takes.
     """
     for seed in range(2):
         data = bins(NOISES[name], 20_000, H, seed)
@@ -118,8 +117,8 @@ def test_intervals_end_where_the_slow_profile_falls(name: str) -> None:
         for end in (interval.low, interval.high):
             assert end is not None
             if field == "width_hz":
-                # here the free parameter is the ratio of width to frequency, which does not depend on the
-                # width alone
+                # the free parameter is width / frequency here, and an end of the width's interval is not an
+                # end of the interval of this ratio
                 continue
             at_end = msgspec.structs.replace(best, **{field: end}).eta(H)[k]
             fall = 2 * (slow_fit(NOISES[name], data, (1 + k, at_end)) - model.nll)
@@ -275,11 +274,10 @@ def test_what_is_left_at_the_zero_of_a_mean_is_no_rise() -> None:
 
 @pytest.mark.parametrize("kind", [p.Order, p.Arfima])
 def test_an_order_behind_a_mean_of_samples_has_intervals(kind: type[p.Part]) -> None:
-    """Noise of fractional order has intervals even if the list of a model's parts has a mean of samples
-    before it.
+    """Noise of fractional order has intervals even if the filter `Mean` is before it in the list of parts.
 
-    The mean has no free parameters. So the order's first parameter has the index that a parameter of the mean
-    would have.
+    `Mean` has no free parameters, so it must not count when the index of the order's first parameter is
+    computed.
     """
     ordered = order(0.5, 0.3, 60.0) if kind is p.Order else p.Arfima(0.4, 0.8, 0.5)
     parts = (p.White(1.0), p.Mean(4), ordered)

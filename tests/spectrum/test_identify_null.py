@@ -29,10 +29,10 @@ def p_values(y: np.ndarray) -> np.ndarray:
     ids=["Gaussian", "one LSB per σ", "t4 tails"],
 )
 def test_p_values_of_white_noise_are_uniform(y: np.ndarray) -> None:
-    """Of 200 series of white noise, 5 ± 4.6 % have a p-value below 0.05, and 50 ± 10.6 % one below 0.5. These
-    limits are three standard deviations of a binomial.
+    """Of 200 series of white noise, about 5 % have a p-value below 0.05, and about 50 % one below 0.5.
 
-    The test's distribution assumes a periodogram of Gaussian samples, but the samples need not be Gaussian.
+    The tolerances 4.6 % and 10.6 % are three standard deviations of a binomial. The p-values are computed as
+    for Gaussian samples, but are right for other samples, too.
     """
     found = p_values(y)
     assert (found < 0.05).mean() == pytest.approx(0.05, abs=0.046)
@@ -71,8 +71,8 @@ def test_p_value_at_the_table(ordinates: int) -> None:
 
 @pytest.mark.parametrize("ordinates", [60, 1500, 30_000, 10**6])
 def test_the_board_has_the_same_quantiles(ordinates: int) -> None:
-    """The board's quantiles of the null test agree with the host's within the error of a second simulation
-    with as many series.
+    """The board's quantiles of the null test differ from the host's by at most 4 %. This is the error of a
+    simulation such as the one from which the quantiles come.
     """
     for level, p in enumerate((0.05, 0.01, 0.001)):
         c, b, a = ORDER_COEFFICIENTS[PROBABILITIES.index(p)]

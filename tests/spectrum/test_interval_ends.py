@@ -1,5 +1,5 @@
-"""Tests the ends of an order's intervals in records with almost no white noise. Also tests parts of noise
-models that are described by other free parameters than usual.
+"""Tests the ends of the intervals of α and s2 in records with almost no white noise. Also tests parts of
+noise models whose free parameters are written in another form than usual.
 """
 
 import math
@@ -51,9 +51,9 @@ def test_other_free_parameters_give_the_same_spectrum_with_their_own_slopes(code
 def test_an_end_is_found_though_the_best_fit_has_no_white_noise() -> None:
     """In these records, the best fit of noise of fractional order has no white noise.
 
-    To find the end of the interval of s2 (the variance that drives the state), s2 is fixed at other values.
-    The best fit then may have white noise, with which 2 log L falls less than without. The search for the end
-    of the interval has to find this fit.
+    To find an end of the interval of s2 (the variance that drives the state), s2 is held at other values and
+    the other parameters are fitted. These fits may have white noise. Then their 2 log L is higher than that
+    of fits without white noise, so the search has to find them.
     """
     compared = 0
     for seed in range(12):

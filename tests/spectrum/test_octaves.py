@@ -127,9 +127,9 @@ def test_white_noise_is_flat_across_the_joints() -> None:
     errors = np.array([1 / np.sqrt(lanes * weight[band].sum()) for band in bands])
     assert np.abs((means - 1) / errors).max() < 4
     assert np.abs(np.diff(means) / np.hypot(errors[1:], errors[:-1])).max() < 4
-    # The weight of a spectral line is the number of independent values that were averaged in it. So the mean
-    # power of a record, whose expected value is 1, has the variance 1 / (sum of the weights). The variance
-    # over all records agrees with that.
+    # The power at each frequency is a mean, and its weight is the number of independent values in this mean.
+    # So the mean power of a record has the variance 1 / (sum of the weights), as its expected value is 1. The
+    # variance of the mean powers of all these records agrees with that.
     total = (power * weight).sum(axis=1) / weight.sum()
     assert total.var() * weight.sum() == pytest.approx(1, abs=4 * np.sqrt(2 / lanes))
     assert weight.sum() > 0.94 * n / 2
@@ -141,7 +141,7 @@ def test_spectrum_of_fractional_noise_is_that_of_theory(alpha: float, g: float) 
     """The running spectrum of a million samples agrees with the theoretical one of a noise of fractional
     order in white noise.
 
-    The variance of the white noise is a third of that of the state's innovations.
+    The variance of the white noise is a third of the variance that drives the state.
     """
     n = 1_000_000
     y = long_recursion(alpha, g, n, 3)[:, np.newaxis] + noise(n, 1, 4) * np.sqrt(1 / 3)
@@ -196,7 +196,7 @@ def test_refuses(refused: Callable[[], object], why: str) -> None:
 
 
 def test_the_allan_sums_take_what_the_gate_accepts() -> None:
-    """Samples of knocks are left out of the Allan sums. Lost samples count there as breaks."""
+    """The Allan sums leave out samples of short motions (knocks). They begin anew there, and after a loss."""
     y = noise(5000, 1, 3)
     y[2000:2100] += 80
     octaves = Octaves(1)
@@ -239,10 +239,10 @@ def test_drift_does_not_leak(drift: str) -> None:
 
 
 def test_what_was_taken_out_is_told() -> None:
-    """Before a record's spectrum is computed, a cubic is subtracted as drift, and its power is reported. For
-    white noise, this power equals the noise's power at other frequencies.
+    """A cubic is fitted to a record as its drift, and the power of the cubic is reported. For white noise
+    without drift, this power is the variance of the noise.
 
-    In a short record, a cubic also removes power at frequencies that are fitted.
+    In a short record, the cubic is subtracted only if it is large: it also has power at fitted frequencies.
     """
     lanes = 40
     y = noise(20_000, lanes, 4)

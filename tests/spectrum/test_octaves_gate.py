@@ -1,5 +1,5 @@
-"""Tests which samples count as noise in the spectrum: outliers of heavy-tailed noise count, and knocks, steps
-and gaps do not.
+"""Tests which samples count as noise in the spectrum: outliers of heavy-tailed noise count. Short motions
+(knocks), steps and gaps do not.
 """
 
 from collections.abc import Callable
@@ -38,8 +38,8 @@ def mean_power(p: Periodogram) -> float:
     ],
 )
 def test_nothing_is_cut_from_noise(make: Callable[[], Array], most: int) -> None:
-    """At most `most` of a million samples of noise are limited in size, and none if the distribution has no
-    outliers.
+    """No sample of noise is left out. Outliers are limited in size, which happens to at most `most` of a
+    million samples.
     """
     y = make()
     counts = fed(y).counts(0)
@@ -48,8 +48,8 @@ def test_nothing_is_cut_from_noise(make: Callable[[], Array], most: int) -> None
 
 
 def test_outliers_are_limited_and_counted() -> None:
-    """Outliers are limited in size and counted. If three adjacent outliers kept their size, their shape would
-    appear in the spectrum.
+    """Outliers are limited in size and counted. If these three outliers, which are close together, kept their
+    size, they would change the shape of the spectrum.
     """
     y = noise(60_000)
     y[[20_003, 20_005, 20_007]] += np.array([25, -25, 25])
@@ -75,8 +75,8 @@ def test_a_knock_is_left_out_and_counted() -> None:
 @pytest.mark.parametrize("height", [1.5, 3.0, 8.0, 1e6])
 @pytest.mark.parametrize("at", [30_000, 30_016, 30_080])
 def test_a_step_of_the_offset_is_a_break(height: float, at: int) -> None:
-    """A large step of the offset counts as a knock in its chunk of samples, and is excluded like any other
-    step.
+    """A step of the offset is left out of the spectrum. A large step looks like a short motion (knock) in its
+    chunk of samples, and may count as one.
     """
     y = noise(60_000)
     y[at:] += height
@@ -132,7 +132,7 @@ def test_at_most_one_sample_in_a_thousand_is_made_up() -> None:
     counts = octaves.counts(0)
     assert counts.lost == 200
     assert counts.bridged <= 80_000 / 1000
-    # the last of 200 gaps counts neither as bridged nor as a gap, since no samples came after it
+    # a lost sample is replaced (bridged) or counts as a gap, but not the last one: no sample came after it
     assert counts.bridged + counts.gaps == 199
     assert mean_power(octaves.periodogram(0, H)) == pytest.approx(1, abs=0.03)
 

@@ -95,8 +95,8 @@ def test_nothing_of_the_old_level_is_left(memory: float) -> None:
     """With a limited memory, the spectrum does not depend on an earlier level of the noise after three times
     the length of the memory.
 
-    The spectra for two earlier levels are equal to the last bit. Twice the length of the memory would be
-    enough for this.
+    The spectra after two different levels are equal to the last bit. This is so already after twice the
+    length of the memory.
     """
     n = int(10 * memory)
     old, new = noise(n, 1, 1), noise(int(3 * memory), 1, 2)
@@ -127,7 +127,7 @@ def test_time_without_samples_is_forgotten_too() -> None:
 
 
 def test_weights_say_how_much_is_remembered() -> None:
-    """While old samples fade, the spectrum's weights give the variance of the mean power at any time."""
+    """While old samples fade, the mean power always has the variance 1 / (sum of the spectrum's weights)."""
     lanes, memory = 200, 5_000.0
     octaves = Octaves(lanes, memory)
     octaves.add(noise(20_000, lanes, 3))

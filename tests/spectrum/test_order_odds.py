@@ -1,6 +1,6 @@
 """Tests the odds that a noise has a fractional order.
 
-Their range is right, and they come true for noises of other seeds than those of the calibration.
+They stay between 1 / MOST and MOST. They are right for noises that were not used for calibration, too.
 """
 
 import math
@@ -40,8 +40,9 @@ def test_beyond_what_was_calibrated_nothing_changes() -> None:
 
 
 def test_more_data_make_odds_that_tell() -> None:
-    """A longer record gives odds that are farther from 1. With three times as many ordinates, the lead of the
-    likelier model in log likelihood is three times as large.
+    """A longer record gives odds that are farther from 1. If a record is three times as long, it has three
+    times as many ordinates (powers at single frequencies). The better model's lead in 2 log L is then three
+    times as large.
     """
     for sign in (-1, 1):
         near, far = (order_odds(sign * lead, 0.0, 1_500 * lead) ** sign for lead in (10.0, 30.0))

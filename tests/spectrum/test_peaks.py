@@ -24,9 +24,8 @@ N = 60_000
 
 
 class Search(NamedTuple):
-    """A way to compute a record's spectrum (as for a file, or live).
-
-    Peaks are then searched in this spectrum.
+    """Finds the peaks of a record. `seen`: function that computes the record's spectrum, as for a file or as
+    in a live run.
     """
 
     seen: Callable[[Array], Periodogram]
@@ -83,7 +82,7 @@ def test_a_line_is_found_and_left_out(search: Search, n: int, amplitude: float, 
     (peak,) = find_peaks(seen)
     resolution_hz = 1 / (n * H) if search is FILE else max(0.12, 0.01 * hz)
     assert peak.frequency_hz == pytest.approx(hz, abs=resolution_hz)
-    # A spectral line at the boundary between two octaves shows only half of its power in either.
+    # At the boundary between two octaves, each octave shows only half of the power of a spectral line.
     share = amplitude**2 / 2
     assert peak.power_share == pytest.approx(share / (1 + share), rel=0.25 if search is FILE else 0.6)
     assert peak.kind == "line" or search is LIVE
@@ -236,10 +235,10 @@ def test_bands_are_widened_by_the_lobes_of_averaged_lines() -> None:
 def test_the_band_begins_beyond_what_leaks_from_a_slow_line(
     kind: str, notch_hz: tuple[float, float], from_hz: float
 ) -> None:
-    """The band that the fit uses begins above a slow spectral line. The distance is three widths of the notch
-    that leaves the line out.
+    """A spectral line is left out by a notch. If the notch begins below four times the lowest fitted
+    frequency, the line is slow, and leaks into the fitted band.
 
-    A line is slow if it lies below four times the lowest frequency of the band.
+    The band then begins above the notch, at a distance of three times the notch's width.
     """
     assert _above_slow_lines((Peak(kind, 0.3, 0.1, 0.5, 9.0, notch_hz),), 0.125) == from_hz
 

@@ -98,8 +98,8 @@ def test_what_is_claimed_is_there(count: int) -> None:
 def test_what_is_ahead_of_white_noise_is_said(count: int) -> None:
     """The noises have one or two faint or broad parts: resonances, fast relaxations, rises, filters.
 
-    If the verdicts on two noises in a hundred kept silent about a model that fits better, this test with 200
-    noises would fail with a probability of 98 %.
+    A verdict must not say "white" or "too faint" if another model clearly fits better. If two verdicts in a
+    hundred did, this test with 200 noises would fail with a probability of 98 %.
     """
     rng, silent = np.random.default_rng(45), []
     for i in range(count):

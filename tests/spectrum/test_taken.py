@@ -22,20 +22,21 @@ from tools.validation.closed_form import samples
 from tools.validation.coverage.populations import POPULATIONS
 
 LONGEST = 20_000
-"""Largest number of samples of a mixture of random parts."""
+"""Largest number of samples of a noise that is made of random parts (see MIXED)."""
 MIXED = 6
-"""Number of mixtures of random parts for each noise of a population."""
+"""Noises are drawn once from each population (a kind of noise with random parameters). Each time, this many
+noises of random parts are drawn, too.
+"""
 IN_MODELS: dict[type[p.Part], float] = {
-    p.Relaxation: 0.15,  # in a record of half a minute, an order cannot be told from relaxations
-    # only the highest frequencies tell this filter from two other filters, from quantisation or a steep rise
+    p.Relaxation: 0.15,  # in half a minute, relaxations fit a noise with an order as well
+    # this filter differs from two other filters, from quantisation and from a steep rise at the highest
+    # frequencies only
     p.Sharpening: 0.15,
 }
-"""Limits for some parts, in place of the limit USUAL: largest proportion of the noises without the part whose
-model has the part in place of a true one.
-"""
+"""Limits that replace USUAL for some kinds of part, and the reasons."""
 USUAL, SAID = 0.05, 0.03
-"""Noises without a certain part are simulated and judged. USUAL: largest proportion of these noises whose
-model has that part in place of a true one. SAID: largest proportion whose verdict names that part.
+"""Limits for each kind of part. They are proportions of the simulated noises that have no such part. USUAL:
+noises whose model has such a part, and lacks a true part. SAID: noises whose verdict names such a part.
 """
 
 
@@ -43,17 +44,19 @@ class Found(NamedTuple):
     """What was found in one noise."""
 
     name: str
-    """Name of the noise's population."""
+    """Name of the population from which the noise was drawn, or "a mixture" if it is made of random parts."""
     truth: frozenset[type[p.Part]]
     model: frozenset[type[p.Part]]
     """The parts of the model that the verdict chooses."""
     says: frozenset[str]
-    """The questions about the model without an order to which the verdict says yes."""
+    """Names of the questions that the verdict answers with yes, such as "drift". Empty if the verdict
+    claims an order, or nothing but white noise.
+    """
 
     @property
     def lost(self) -> frozenset[type[p.Part]]:
-        """The parts of the noise that the model lacks. A floor does not count, since it is often too faint to
-        be seen.
+        """The parts of the noise that the model lacks. A `Floor` (white noise after all filters) does not
+        count, since it is often too faint to be seen.
         """
         return self.truth - self.model - {p.Floor}
 
@@ -84,10 +87,12 @@ def all_found(seeds: int) -> tuple[Found, ...]:
 @pytest.mark.parametrize("seeds", [12, long(60)])
 @pytest.mark.parametrize("kind", p.CODES[1:], ids=lambda kind: kind.tag())
 def test_a_part_takes_little_from_the_others(kind: type[p.Part], seeds: int) -> None:
-    """A model rarely has a part that the noise lacks. A part that replaces true parts more often than the
-    limits allow needs the trait `kApart` in its row of `kTable` (whittle_parts.hpp). Or it needs a sentence
-    in the verdict that is true of the replaced parts, too, and a row in `IN_MODELS` with the reason
-    (host/CHANGING.md).
+    """A model rarely has a part that the noise lacks. If this test fails for a part, there are two remedies
+    (host/CHANGING.md):
+
+        - The part gets the trait `kApart` in whittle_parts.hpp, and is added only in a separate search.
+        - The verdict's sentence about the part is made true of the replaced parts, too, and IN_MODELS gets
+          the part's limit and the reason.
     """
     others = [one for one in all_found(seeds) if kind not in one.truth]
     question = kind.row().says

@@ -153,7 +153,9 @@ HUMP, EDGE = p.Resonance(0.28, 9.6, 7.1), p.Resonance(2.3, 44.6, 9.0)
 
 @pytest.mark.parametrize(("hump", "n"), [(HUMP, 60_000), (EDGE, 8_000)], ids=["broad", "at the end"])
 def test_what_is_clearly_there_is_never_too_faint(hump: p.Resonance, n: int) -> None:
-    """The spectrum has no distinct maximum, but a model with a resonance fits far better than white noise."""
+    """The resonance is too broad, or too near the end of the spectrum, for a distinct maximum. But a model
+    with a resonance fits far better than white noise, so the verdict is "resonance".
+    """
     e, verdict = seen([p.White(1.0), hump], n, 1)
     assert -e.candidates.bic(e.candidates.plain) > e.apart
     assert verdict.kind == "resonance", verdict.text
@@ -231,15 +233,14 @@ def ordered() -> Evidence:
 @pytest.mark.parametrize(
     ("at", "over_rich", "same", "reading", "said"),
     [
-        # The lead is the 2 log L of the best model with a fractional order, minus that of the best model
-        # without one. At a lead of 0, three decisions change: which model is compared with white noise, which
-        # model is accepted, and whether the noise counts as a random walk or as fractional.
+        # The lead is the BIC of the best model without a fractional order, minus that of the best model with
+        # one. At a lead of 0, the model with an order becomes the better one. It is then compared with white
+        # noise, it is accepted, and the noise no longer counts as drift.
         (0.0, 0.0, ALIKE, None, lambda e, v: wording.names(e.candidates.ordered.kinds) in v.rules[3].figure),
         (0.0, 0.0, ALIKE, None, lambda e, v: winner(e, v) is e.candidates.order),
         (0.0, 0.0, ALIKE, NOTHING._replace(says=frozenset({"drift"})), lambda e, v: v.kind != "drift"),
-        # Where the lead (6 or -6 here) becomes significant, three further decisions change: whether a
-        # fractional order is claimed, whether it is possible beside other parts, and whether it is possible
-        # alone.
+        # Leads above 6 or below -6 are significant. Above 6, an order can be claimed. Above -6, an order is
+        # possible, either with other parts (second case) or alone (third case).
         (6.0, 50.0, {}, None, lambda e, v: v.kind == "fractional"),
         (
             -6.0,
@@ -261,7 +262,7 @@ def test_how_far_an_order_is_ahead_decides(
     said: Callable[[Evidence, Verdict], bool],
     step: float,
 ) -> None:
-    """Each decision changes exactly where the lead of the order passes the bound for this decision."""
+    """Each decision changes exactly where the lead passes `at`. `said`: whether it has changed."""
     candidates = copy(ordered.candidates)
     candidates.lead, candidates.lead_over_rich = at + step, over_rich
     for name, other in same.items():
