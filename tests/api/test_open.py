@@ -24,8 +24,8 @@ def test_a_recording_is_its_axes(tmp_path: Path) -> None:
     assert (found.rate_hz, found.units["gyro_x"], found.counts.used) == (RATE_HZ, "deg/s", 1500)
     report = found.identify()
     alone = fltea.identify(found["gyro_x"], RATE_HZ, unit="deg/s", axis="gyro_x", lsb=1 / LSB_PER_DPS)
-    # Fields that contain the random walk of the offset may differ between an axis of a file and the same axis
-    # alone: the axes of a file may share one figure for this random walk.
+    # The axes of a file may share one size of the offset's random walk. So fields that depend on this size
+    # may differ between an axis of a file and the same axis alone.
     of_walk = ("now", "walk", "filter", "text", "details", "allan", "allan_curve")
     by_walk = dict.fromkeys(of_walk)
     both = report["gyro_x"], alone
