@@ -247,7 +247,7 @@ def test_a_replay_imports_nothing_that_it_does_not_need(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert '"class":"estimate"' in done.stdout
     imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-    # The module of an output is imported by a computed name, and importtime does not list such imports. So
-    # the test looks for a module that the output of NDJSON imports in turn.
+    # fltea imports the module of an output by a computed name, and `-X importtime` does not list such
+    # imports. So the test looks for fltea.sinks.json_lines, which the module of the NDJSON output imports.
     assert {"fltea.stream.pipeline", "fltea.sinks.json_lines"} <= imported
     assert sorted(HEAVY & imported) == []

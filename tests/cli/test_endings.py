@@ -113,8 +113,8 @@ def test_signal_ends_an_inspection_with_its_sum(number: signal.Signals) -> None:
 
 
 def written(command: str, folder: Path, frames: int = 9000) -> list[str | Path]:
-    """Return a command that writes to stdout. Each of the commands ends by itself, except for "at its own
-    pace".
+    """Return the arguments of a command that writes to stdout. Each command ends by itself, except for
+    "at its own pace", which simulates a sensor in real time without an end.
     """
     match command:
         case "inspect":

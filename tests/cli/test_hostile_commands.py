@@ -168,9 +168,9 @@ PARTS = 4
 @pytest.mark.long
 @pytest.mark.parametrize("part", range(PARTS))
 def test_every_option_takes_words_of_each_kind(part: int) -> None:
-    """Each option is tried with three words, which are a third of the list `WORDS` apart, so that they are of
-    different kinds. The next option is tried with the words that follow these three, so that every word is
-    used equally often.
+    """Each option is tried with three words. They lie a third of the list `WORDS` apart, so that they are of
+    different kinds. For the next option, each of the three is the next word in the list. So all words are
+    used about equally often.
     """
     found, n = lines(), len(WORDS)
     of_an_option = [found[k : k + n] for k in range(0, len(found), n)]
@@ -251,10 +251,10 @@ REFUSED = {
     "its lock": ([*FAST, "--pace", "fast", "-s", "synthetic:?n=60", "--state", "state"], ".state.lock"),
     "--history": ([*BASES["fleet"], "--history", "fleet.db"], "fleet.db"),
 }
-"""REPLACED and REFUSED map each option that names a written file to a command, and to the name at which a
-test puts a pipe or a link.
+"""REPLACED and REFUSED have, for each option that names an output file, a command with this option, and the
+name of the file. At this name, a test puts a pipe or a link before it runs the command.
 
-The command replaces a link at a name in REPLACED by the file, and refuses a link at a name in REFUSED.
+The commands in REPLACED replace a link by the output file. The commands in REFUSED refuse a link.
 """
 
 
@@ -267,7 +267,7 @@ def test_what_is_written_follows_no_link_and_waits_for_no_pipe(option: str) -> N
         check([*BASES["fleet"], "--history", "old.db"], (1,))
     for kind in STRANGE:
         put(kind, name)
-        # a snapshot that does not exist yet is made, in place of the link
+        # `--state` replaces a link to a file that does not exist by a new snapshot.
         is_replaced = kind != "pipe" and (option in REPLACED or (option, kind) == ("--state", "link to none"))
         check(line, (0,) if is_replaced else (1, 2))
         assert Path(name).is_symlink() == (kind != "pipe" and not is_replaced)

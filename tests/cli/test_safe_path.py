@@ -91,8 +91,8 @@ if __name__ == "__main__":
 
 
 def test_nor_by_what_starts_in_place_of_a_forkserver_that_died(folder: Path) -> None:
-    """The script is not in the current folder, since Python itself searches the folder of a script for
-    modules.
+    """The script that kills the forkserver is not in the current folder, since Python itself imports modules
+    from the folder of a script.
     """
     lay(folder, set(sys.stdlib_module_names))
     script = folder / "elsewhere/script.py"
