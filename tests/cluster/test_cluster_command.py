@@ -94,8 +94,8 @@ def test_a_client_that_is_killed_and_called_again(here: Command, tmp_path: Path)
 
 
 def test_a_failure_ends_with_one_in_whichever_run_it_was_found(here: Command, tmp_path: Path) -> None:
-    """The exit code reports a failure if the table has one for a file that the command was asked for, even if
-    an earlier run found it.
+    """The exit code is 1 if the table has a failure of a file that the command was asked for, even if an
+    earlier run found this failure.
 
     Failures of other files in the table do not count.
     """

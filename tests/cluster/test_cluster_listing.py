@@ -78,7 +78,9 @@ def test_a_file_that_changes_has_another_stamp(lab: Path, name: str) -> None:
 
 @pytest.mark.parametrize("pattern", ["q", "q/*", "q/**"])
 def test_what_is_no_file_is_none(lab: Path, pattern: str) -> None:
-    """Opening a pipe would never return. Links to folders may lead in circles."""
+    """Only files are listed. A pipe is not, since opening it would never return. A link to a folder is not,
+    since such links may lead in circles.
+    """
     (lab / "q").mkdir()
     (lab / "q" / "a.csv").write_bytes(b"1234")
     os.mkfifo(lab / "q" / "pipe.csv")
@@ -193,8 +195,8 @@ class Maze(Cloud):
 
 
 def test_folders_without_an_end_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In folders without an end, the listing ends at some level. The files found until then are read, and a
-    row of the table says where the listing ended.
+    """If each folder contains another one without an end, the listing ends 64 folders deep. The files found
+    until then are read, and a row of the table says where the listing ended.
     """
     monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: Maze())
     *files, last = itertools.islice(files_of(["s3://lab"]), 1000)

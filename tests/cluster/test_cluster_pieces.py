@@ -24,8 +24,9 @@ from tests.rig.identify_support import long_recursion, white
 N = 1 << 16
 NOISE = 0.05 * white(N, 1, 1)[0] + 0.05 * long_recursion(0.6, -0.19, N, 2)
 TOLERANCE = 0.5
-"""Largest permitted difference between the value from pieces and the value from the whole file, for pieces of
-at least 16,384 samples. The unit is half the width of a 95 % interval.
+"""Largest permitted difference between a figure of the noise (such as N) that is computed from pieces, and
+the same figure from the whole file, for pieces of at least 16,384 samples. The unit is half the width of the
+figure's 95 % interval.
 
 Among 36 noises the largest difference is 0.33. A block of 64 MB, the usual size of a piece, has a hundred
 times as many samples.

@@ -57,7 +57,7 @@ class Endless(BaseHTTPRequestHandler):
         self._head(self._declared if self._silent else None)
         if self._silent:
             self.wfile.write(b"1")
-            self.rfile.read()  # this waits until the client has gone
+            self.rfile.read()  # this waits until the client closes the connection
             return
         with contextlib.suppress(OSError):
             for _ in range(MOST_CHUNKS):
@@ -224,7 +224,9 @@ def test_a_large_file_of_a_server_without_ranges_is_read_whole(
 
 
 def test_what_is_not_there_and_who_is_not(server: ThreadingHTTPServer) -> None:
-    """A missing file is the user's mistake; a missing server may be back later."""
+    """A missing file is the user's mistake (a UsageError). A missing server is not, since it may be back
+    later.
+    """
     with pytest.raises(UsageError, match=r"none.npy: no recording is there"):
         list(files_of([f"http://127.0.0.1:{server.server_port}/none.npy"]))
     with pytest.raises(FlteaError, match=r"a.npy: cannot be read \(ClientConnectorError") as caught:
