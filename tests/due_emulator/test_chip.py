@@ -116,7 +116,7 @@ def test_a_burst_is_of_one_instant_and_single_reads_may_tear(fifo):
     data = b""
     for i in range(14):
         data += bytes([chip.read(ack=i < 13)])
-        chip.advance((9 + i) * MS)  # On this very slow bus, conversions end during the burst.
+        chip.advance((9 + i) * MS)  # On this very slow bus, the chip measures anew during the read.
     chip.stop()
     x, _, _, _, gx, gy, gz = words(data)
     assert (x, gx, gy, gz) == (7, 7 * 0x0123, -7, 7)

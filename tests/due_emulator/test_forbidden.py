@@ -33,9 +33,9 @@ UNLOCKED = [wait_states, crystal, ("PMC", "CKGR_PLLAR", PLLA_168), HALVED, 0.5]
 
 
 def test_the_table_begins_where_nothing_is_refused():
-    """The steps with which rows of the tables begin are allowed.
+    """The steps that prepare the forbidden access in a row of the tables are allowed.
 
-    Otherwise a row could be refused for a reason other than its own.
+    Otherwise one of these steps could be refused in place of the forbidden access.
     """
     for steps in (UART, SLOWEST_RC, [TC], [wait_states, *SLOWEST_RC]):
         play(Bench(b"\xff" * 8).board, steps)

@@ -32,7 +32,7 @@ def test_counts_are_those_of_the_hosts_quantisation():
     chip = Mpu9250(fractional_world(QUERY))
     chip.write_register(0x19, 0, 1, 0x18, 0, 1)
     source = NoiseGenerator(parse_noise(QUERY + "&lsb_per_dps=0"))
-    source.step()  # Value 0 of the noise has passed before the first read.
+    source.step()  # This first value is the noise at 0 ms. The chip is read from 10 ms on.
     for k in range(1, 300):
         chip.advance(k * 10 * MS)
         counts = np.frombuffer(chip.read_block(0x43, 6), ">i2")

@@ -85,7 +85,7 @@ def test_pull_ups_can_be_switched_off():
 def test_sampling_needs_the_clock(register):
     board = SmallBoard()
     board.machine.clocked = 0
-    # This write is allowed without the clock, and does not change the assignment of the pin.
+    # The port controller needs no clock for this write, which gives the pin to a peripheral.
     board.pio.write("PDR", SDA)
     with pytest.raises(EmulationFault, match=rf"PIOB_{register} without its clock: bit 12 of PMC_PCER0"):
         board.pio.read(register)

@@ -29,7 +29,8 @@ movw r5, #1; movt r5, #0x2008|movs r5, #0x20; lsls r5, r5, #24; add.w r5, r5, #0
 ldr r5, =0x20080000; cmp r5, r5; it eq; moveq r5, r4
 ldr r5, =0x20080000; ldrd r6, r5, [r5]; mov r5, r4|ldr r5, =0x2007FFFE; adds r5, #3"""
 """Pieces of code that put an odd address into r5. They copy it from r4, load it from memory, add an index,
-write back an address, compute it, or move it under a condition. The last ones then change it once more.
+write back an address, compute it, or move it under a condition. Those in the last line first put an even
+address into r5.
 """
 
 OTHER_PROCESSORS = """qadd r0,r1,r2|sel r0,r1,r2|pkhbt r0,r1,r2|sxtb16 r0,r1|sxtab16 r0,r1,r2|sxtab r0,r1,r2
@@ -47,8 +48,8 @@ def _each(table):
 def _same_on_both(text, seconds=0.01):
     """Return the message with which the emulator ends the program.
 
-    Check that the message is the same if the exact processor executes all of the program. The emulator
-    otherwise changes between its exact and its fast processor.
+    The emulator usually changes between its exact and its fast processor. Check that the message is the same
+    if the exact processor executes the whole program.
     """
     first, alone = (Bench(program(f"{text}\n wait_forever")) for _ in range(2))
     alone.board.cpu.watch(lambda *_: None)

@@ -1,6 +1,7 @@
 """Tests of the emulated board's serial port as a pseudo-terminal.
 
-Opening the port resets the board, baud rates matter, and a warning comes if the emulation is too slow.
+Opening the port resets the board. At a wrong baud rate the bytes are garbage, and 1200 baud erases the flash.
+A warning is printed if the emulation is too slow.
 """
 
 import json

@@ -106,8 +106,8 @@ def test_what_a_refused_write_leaves_is_sent_first_by_the_next_one(board, reset)
     assert board.read_block(0x75, 1) == b"\x71"
     board.begin_write(0x1B, 0x10)
     assert not board.wait_for(TXCOMP) & NACK
-    # Unless the controller was reset, the byte that was left goes into the register, and the new byte into
-    # the register after that.
+    # If the controller was not reset, it first sends 0x18, which the refused write left, into register 0x1B.
+    # The new byte 0x10 then goes into register 0x1C.
     assert board.chip.read_block(0x1B, 2) == (b"\x10\x00" if reset else b"\x18\x10")
     # This second write has used up the byte that the refused write left, so a third write finds none.
     board.begin_write(0x1B, 0x08)
@@ -158,9 +158,10 @@ def test_scl_waits_until_rhr_is_read(board):
 
 @pytest.mark.parametrize(
     ("fetched", "waits"),
-    # While the last byte waits in the register RHR, the controller holds SCL low in the last bit of the next
-    # byte. It does so from 7.5 bits after the end of the byte in RHR. After RHR is read, half a bit and the
-    # acknowledge follow. `fetched`: when RHR is read; `waits`: how long SCL is held; both in bits.
+    # While a received byte waits in the register RHR, the controller receives the next byte except for its
+    # last half bit. It then holds SCL low, from 7.5 bits after the end of the first byte until RHR is read.
+    # `fetched`: time from the end of the first byte to the reading of RHR; `waits`: how long SCL is held low;
+    # both in bits.
     [(0.4, 0), (7.4, 0), (7.6, 0.1), (8.2, 0.7), (30, 22.5)],
 )
 def test_scl_waits_on_the_last_bit_for_as_long_as_rhr_is_full(board, fetched, waits):

@@ -210,7 +210,7 @@ def test_cut_off_in_mid_byte_leaves_the_sensor_holding_sda(board, how):
             board.twi.reset()
     assert not board.lines.sda.level
     board.take_pins()
-    assert clocks_until_free(board) == 5  # five clocks: those of bits 4 to 7, and that of the acknowledge
+    assert clocks_until_free(board) == 5  # the byte's last four bits and its acknowledge need a clock each
     board.send_stop()
     board.set_up()
     assert board.read_block(0x75, 1) == b"\x71"
