@@ -42,7 +42,7 @@ def terminals(tmp_path: Path) -> Iterator[list[Terminal]]:
 
 @pytest.fixture
 def limited(terminals: list[Terminal], tmp_path: Path) -> Iterator[Callable[[int], Program]]:
-    """Start the daemon on all devices with this limit of file descriptors."""
+    """Yield a function that starts the daemon on all devices, with a given limit of file descriptors."""
     urls = [part for one in terminals for part in ("--source", f"serial:{one.link}")]
 
     def start(descriptors: int) -> Program:

@@ -50,9 +50,10 @@ def has_input(port: int) -> bool:
 
 
 def test_both_stand_side_by_side(processes: Processes, tmp_path: Path) -> None:
-    """The rate is 200 Hz, at which the start-up window of 500 samples takes some seconds.
+    """The board's estimates are published next to the host's estimates of the same samples.
 
-    Even a busy machine can read the port in time at this rate.
+    The rate is 200 Hz. At this rate, the start-up window of 500 samples takes only 2.5 s, and even a busy
+    machine reads the port in time.
     """
     port = tmp_path / "device"
     processes.stand_in(port, "--estimate", "--noise", "rate_hz=200")

@@ -190,8 +190,8 @@ def test_with_the_data_ready_pin_each_conversion_is_read_once(by_edges: bytes, p
     assert (stats.sample_counts.lost, stats.sample_counts.duplicates, run.faults) == (0, 0, [])
     assert all(sample.flags == 0 for sample in run.samples)
     assert run.check_values() is None
-    # From the first edge of the INT pin that the board used, every edge has a sample whose time is that of
-    # the edge.
+    # The board does not use the first edges of the INT pin. Each later edge has one sample, and the sample's
+    # time is that of the edge.
     used_ps = edges_ps[-len(arrivals) :]
     assert all(edge < arrival.at_ps for edge, arrival in zip(used_ps, arrivals, strict=True))
     device_us = [arrival.frame.device_us for arrival in arrivals]

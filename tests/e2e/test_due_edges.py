@@ -71,8 +71,10 @@ def timer(run: DueRun) -> Timer:
 
 
 def to_next_tick_ps(run: DueRun) -> int:
-    """Return the time until the next tick of the timer [ps], or 0 soon after a tick, when that tick's sample
-    may still have to be taken.
+    """Return the time until the next tick of the timer, which starts a sample [ps].
+
+    In the first tenth of the period after a tick, return 0, since the program may still have to take that
+    tick's sample.
     """
     passed = timer(run).channels[0].value % TICK_COUNTS
     return (TICK_COUNTS - passed) * PS_PER_S // 42_000_000 + PS_PER_US if passed > TICK_COUNTS // 10 else 0
@@ -85,21 +87,20 @@ def end_of_transfer_ps(run: DueRun) -> int:
 
 
 def between_transfers(time_ps: Callable[[DueRun], int]) -> Callable[[DueRun], int]:
-    """Return a function like `time_ps` that returns 0 while the I²C bus is used.
+    """Return a function that returns the same as `time_ps`, but 0 during a transfer on the I²C bus.
 
-    No interrupt comes during a transfer on the bus, because the transfer would then take longer than is
-    allowed.
+    So no interrupt comes during a transfer. It would make the transfer take longer than is allowed.
     """
     return lambda run: time_ps(run) if run.board.twi.field("SR", "TXCOMP") else 0
 
 
 class Stretch(NamedTuple):
-    """How a test lets interrupts come at every instruction of one function of the program.
+    """How a test delays one function of the program before each of its instructions.
 
-    `takes_ps`: returns for how long the test stops the processor before an instruction; 0 means that no
-    interrupt comes now. Some tests stop it for as long as interrupt handlers would run. Others stop it until
-    the interrupt comes whose handler uses the same data as the function. `times`: number of interrupts at
-    each instruction. `for_s`: time to wait for the instruction to run [s].
+    `takes_ps`: function that returns the length of the delay [ps]; 0 means no delay now. The delay is as long
+    as interrupt handlers would run, or lasts until an interrupt whose handler shares data with the function.
+    `times`: largest number of delays before each instruction. `for_s`: longest time that the test waits for
+    the program to come to the instruction [s].
     """
 
     takes_ps: Callable[[DueRun], int]
@@ -184,8 +185,8 @@ SHARED = {
     "in_flight": unicorn.UC_HOOK_MEM_READ,
     "written": unicorn.UC_HOOK_MEM_WRITE,
 }
-"""Variables that interrupt handlers and the main loop share, each with a kind of access (read or write). The
-main loop may make this kind of access only while interrupts are disabled (a lock).
+"""Variables that interrupt handlers and the main loop share. For each variable, the kind of access (read or
+write) that the main loop may make only while interrupts are disabled (under a lock).
 """
 
 
@@ -207,11 +208,11 @@ def test_what_is_shared_with_a_handler_is_used_under_a_lock(name: str, symbols: 
 
 
 class Wrap(NamedTuple):
-    """A number of the program that is about to wrap at 2^32.
+    """A number of the program that a test lets wrap at 2^32 soon after the start.
 
-    `variables`: variables to change when the program begins, with their new values. `counter`: whether the
-    timer's counter also wraps. The counter wraps together with the clock or, if the clock's wrap is far away,
-    2 s after the start.
+    `variables`: new values of variables, which they get when the program begins. `counter`: whether the
+    timer's counter wraps, too. If the clock wraps within 3 s, the counter wraps together with the clock,
+    otherwise 2.4 s after the start.
     """
 
     variables: dict[str, int]
@@ -244,9 +245,10 @@ def begin_before(wrap: Wrap, run: DueRun, symbols: dict[str, Symbol]) -> None:
 
 
 def advance_counter(run: DueRun, symbols: dict[str, Symbol], left_us: int) -> None:
-    """Advance the timer's counter so that it wraps `left_us` after the last tick.
+    """Advance the timer's counter so that it wraps `left_us` [us] after the last tick of the timer.
 
-    The program's variables are changed together with the counter, so that the program does not notice.
+    The count of the last tick, which the program keeps, and the count of the next tick (register RC0) are
+    advanced by as much, so that the program does not notice.
     """
     channel, registers = timer(run).channels[0], timer(run).registers
     count = variable(run, symbols["tick_count"])

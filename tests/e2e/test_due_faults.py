@@ -81,8 +81,8 @@ def test_details_of_faults_say_which_line_and_which_chip() -> None:
     assert set(with_fault("SCL held for 1.2 s")[0].faults) >= {("bus_held", 2)}
     assert set(with_fault("sensor unplugged for 1.5 s")[0].faults) >= {("sensor_missing", 0x68)}
     assert set(with_fault("exchanged for an unknown chip for 1 s")[0].faults) >= {("sensor_unknown", 0x12)}
-    # After a brown-out, all registers of the sensor have fallen back to their defaults. The first guard
-    # register that differs from its setting is CONFIG (0x1A): it reads 0 instead of 1.
+    # After a brown-out, all registers of the sensor have their defaults. The firmware reads back those that
+    # determine scale and bandwidth. The first wrong one is CONFIG (0x1A): it reads 0 instead of 1.
     ((name, detail),) = with_fault("sensor's supply sags")[0].faults
     assert (name, detail) == ("readback_mismatch", 0x1A << 16 | 1 << 8 | 0)
 
@@ -115,7 +115,7 @@ def test_a_sample_that_waited_for_a_hanging_program_is_late() -> None:
 
 
 def test_a_bus_that_needs_nine_clocks_is_freed_without_a_loss() -> None:
-    """The ninth clock, which frees the bus, comes with the STOP.
+    """SDA is held for ten rising edges of SCL: those of the nine clocks, and that of the STOP after them.
 
     A sensor that is interrupted within a byte never needs more than nine clocks.
     """
@@ -124,7 +124,9 @@ def test_a_bus_that_needs_nine_clocks_is_freed_without_a_loss() -> None:
 
 
 def test_a_tick_during_a_step_that_hangs_is_not_slept_through() -> None:
-    """The program hangs in a step of the main loop, from the middle of the step until after the next tick."""
+    """The program hangs in the middle of a step of its main loop, until after the next sampling instant (tick
+    of the timer). It then takes that sample at once, and does not sleep until the following tick.
+    """
     run = after_a_reading(DueRun(image()).run_until(1.4))
     held = len(run.samples)
     run.board.starve(0.0102)

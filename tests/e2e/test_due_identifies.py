@@ -98,7 +98,7 @@ def test_status_says_what_it_costs() -> None:
     assert all(500 < status.longest_step < 2_000 for status in estimating)
     estimator = run.of(wire.Estimator)[-1].frame.message
     assert estimator.skipped == 0
-    # Of all samples of an axis, the one that begins the spectra takes the longest to process.
+    # The first sample of an axis's running spectrum takes the longest to process.
     assert 150 < estimator.longest_axis < 1000
 
 

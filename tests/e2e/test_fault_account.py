@@ -249,10 +249,10 @@ def test_what_breaks_is_a_wrong_outcome_and_what_it_started_ends() -> None:
 
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run the command on faults of all outcomes.
+    """Run the command that plays faults. It plays five faults, with all kinds of outcomes.
 
-    Some of the faults have the right outcome. One has wrong counts, one cannot be caused on this machine, and
-    one has an unexpected result.
+    Two faults have the expected outcome. In one, two samples are in no count. One cannot be played on this
+    machine. One is reported with other words than expected.
     """
     parts = {
         "right": command.Part(
@@ -314,7 +314,7 @@ def test_a_nats_server_whose_disk_holds_it_up_is_waited_for(stage: Stage, tmp_pa
 
     async def asked_of_one_that_stands_still(stream: JetStreamContext) -> int:
         server.pause()
-        # This is later than the time limit of the client library, 5 s.
+        # The server goes on after 6 s, later than the client library's time limit of 5 s.
         asyncio.get_running_loop().call_later(6.0, server.go_on)
         return (await stream.account_info()).streams
 
@@ -326,9 +326,9 @@ def test_a_nats_server_whose_disk_holds_it_up_is_waited_for(stage: Stage, tmp_pa
 
 @pytest.mark.parametrize(("page", "part"), [("running", "daemon"), ("fleet", "fleet"), ("ingest", "ingest")])
 def test_the_guides_tables_are_of_the_faults_that_are_played(page: str, part: str) -> None:
-    """The guide's table has a row for each fault.
+    """The table in the guide has one row for each fault.
 
-    The row of a fault reports the expected outcome. The row's figures are those of one run.
+    The row shows the expected outcome, and the counts of samples in one run, which have to add up.
     """
     text = (ROOT / f"host/docs/guide/{page}.md").read_text("utf-8")
     found = {

@@ -21,7 +21,7 @@ from tools.faults.outcome import LOST, Outcome
 from tools.faults.program import Skip
 
 AT_ONCE = {"daemon": 5, "fleet": 1, "ingest": 1}
-"""Parts of the system whose faults are played here, each with how many of its faults are played at a time.
+"""For each part of the system whose faults are caused ("played") here: how many faults at the same time.
 
 tests/e2e/test_due_faults.py plays the board's faults. Those of a cluster are in tests/cluster.
 """
@@ -51,8 +51,8 @@ Playing = Callable[[str], dict[str, "Future[Outcome]"]]
 
 @pytest.fixture(scope="module")
 def playing(request: pytest.FixtureRequest) -> Playing:
-    """Return a function that begins to play the requested faults of a part, several at a time. Later calls
-    for a part return the same outcomes.
+    """Return a function that starts those faults of a part of the system for which tests were selected. It
+    returns the futures of their outcomes. Later calls for this part start nothing, and return the same.
     """
     parameters = (getattr(item, "callspec", None) for item in request.session.items)
     wanted = [one.params.get("fault") for one in parameters if one is not None]

@@ -36,9 +36,9 @@ def test_what_an_account_may_not_do_is_told(
     start: Start,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The server does not answer a request that it forbids, as if it were busy.
+    """A server does not answer a request that it forbids, so the worker waits as for a busy server.
 
-    The server reports the refusal separately.
+    The server reports the refusal in a separate message, which the worker reports.
     """
     for module in ("nats", "leases"):
         monkeypatch.setattr(f"fltea.service.ingest.{module}.LEASE_S", 1.0)

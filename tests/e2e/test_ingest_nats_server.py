@@ -244,10 +244,10 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
 
 
 def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(server: Servers, start: Start) -> None:
-    """The time in the snapshot of the second device's state is an hour ahead, as if the clock of its worker
-    were wrong.
+    """A new worker continues from the snapshots of two devices' states. The time in the second snapshot is an
+    hour ahead, as if its worker's clock had been wrong.
 
-    The snapshot of a third device was written and deleted again.
+    The snapshot of a third device was written and deleted again, so it is not used.
     """
     one = server()
     first = start(one)
@@ -308,7 +308,7 @@ def test_a_board_publishes_under_its_own_name_only(stage: Stage, server: Servers
     worker = {"user": "worker", "password": secret["worker"]}
 
     async def make(client: Any) -> None:
-        wanted = ["fltea.frames.*.*"]  # The workers are permitted to use only some of these subjects.
+        wanted = ["fltea.frames.*.*"]  # A board may publish under one of these subjects only.
         await client.jetstream().add_stream(name="FLTEA_FRAMES", subjects=wanted)
 
     ask(one, make, **worker)

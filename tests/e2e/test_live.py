@@ -97,7 +97,8 @@ def test_unplugged_and_back(processes: Processes, port: Path) -> None:
 
 @contextlib.contextmanager
 def unread(*arguments: str) -> Iterator[tuple["subprocess.Popen[bytes]", int]]:
-    """Yield a command of whose output only one byte is read, and the pipe in which the rest waits.
+    """Yield a running command, and the pipe with its output. One byte of the output is read; the rest waits
+    in the pipe.
 
     At the end of the `with` block, a signal ends the command.
     """
@@ -116,14 +117,16 @@ def unread(*arguments: str) -> Iterator[tuple["subprocess.Popen[bytes]", int]]:
 def test_a_signal_ends_a_run_whose_output_nobody_reads(port: Path, processes: Processes) -> None:
     processes.stand_in(port)
     with unread("-s", f"serial:{port}", "--samples") as (_, pipe):
-        # If a write does not fit into the rest of a page of the pipe, it begins a new page. So up to a
-        # quarter of each page stays empty.
+        # The pipe has room for 65,536 bytes, in pages. A write that does not fit into the rest of a page
+        # begins a new page. So up to a quarter of each page stays empty, even if the pipe is full.
         wait_until(lambda: _in_pipe(pipe) > 45_000, "the pipe to be full")
 
 
 @pytest.mark.slow
 def test_a_signal_ends_a_run_that_waits_for_its_reader_at_its_end() -> None:
-    """The command reads and queues all samples, while nothing reads the rest of its output."""
+    """The command has processed all samples, but waits to write the rest of its output, which nobody reads.
+    The signal ends the command.
+    """
     with unread("-s", "synthetic:?n=1000", "--pace", "fast", "--once") as (run, pipe):
         wait_until(lambda: _in_pipe(pipe) > 30_000, "the pipe to fill")
         # By then all samples are processed. The test has to wait, since this cannot be observed from outside.

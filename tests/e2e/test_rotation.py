@@ -1,6 +1,6 @@
 """Tests in which each kind of source is recorded into several files.
 
-Each file can then be read completely, or the file is named and the exit code is 1.
+All files of the recording are then read. If a file is damaged, a message names it, and the exit code is 1.
 
 If a kind of source cannot be recorded, the program says so, and what can be done instead.
 """
