@@ -122,7 +122,8 @@ def test_any_cut_of_the_rows_gives_the_same_to_the_bit(
 
 
 def test_each_row_tells_whether_the_innovations_are_white_however_rows_are_cut() -> None:
-    """The test of whiteness in each row is that of the last full hundred of innovations.
+    """After every hundred innovations, a test decides whether they are white. Each row has the latest
+    decision, however the rows are divided into blocks.
 
     The first axis has noise behind a low-pass, the second white noise, and the third noise that is coloured
     for a while.

@@ -163,8 +163,8 @@ def with_engine(state: OnlineState, engine: bytes) -> OnlineState:
 def test_a_single_number_that_is_not_finite_is_refused_or_does_not_matter(
     changes: dict[str, object], data: st.DataObject, value: float
 ) -> None:
-    """If a changed snapshot is accepted, its bank continues as the original does: the changed bytes have no
-    effect, since they belong to places for further axes or to tables that are not in use.
+    """One number in a snapshot is replaced. Either the snapshot is refused, or its bank continues exactly as
+    the original does: the number is then in an unused table, or in the unused room for further axes.
     """
     config = configured(**changes)
     _bank, state = saved(config)

@@ -111,8 +111,8 @@ def assert_close(scenario: Scenario, variant: str, bound: float) -> None:
     for name, expected, unit in (
         ("alpha", host.alpha[:n, 0], 1),
         ("alpha_std", np.sqrt(host.alpha_var[:n, 0]), 1),
-        # f = beta h^-alpha, where the filter estimates alpha and beta, so an error of alpha changes f by ln h
-        # times f times this error
+        # The filter estimates alpha and beta, and f = beta h^-alpha, with the sampling period h = 0.01 s. So
+        # an error of alpha changes f by this error times -ln(h) f = 4.6 f.
         ("f", f, 5 * (1 + np.abs(f))),
         ("state", host.x[:n, 0], 10 * np.sqrt(R)),
     ):
@@ -152,9 +152,10 @@ def test_like_the_hosts_with_gaps(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_half_of_the_runs_agree_though_the_guard_acts(variant: str) -> None:
-    """On knocks of 20 to 100 sigma, the guard limits the filters in every run.
+    """In every run, three spikes of 20 to 100 σ of the noise make the guard limit the filters.
 
-    Some runs of the device's estimator then differ from the host's, and most of these agree again later.
+    The device's estimates may then differ from the host's. At the end of the run, they agree in at least half
+    of the runs.
     """
     last = []
     for seed in range(40):
@@ -215,8 +216,8 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
     rows = device.run(counts)
     valid = rows["flags"].astype(int) & EstimateFlags.VALID != 0
 
-    # The host's rules for withdrawing and restarting an axis are applied to the device's output. The device's
-    # counts of what the guard did begin again at 0 when the axis restarts.
+    # The host's supervisor decides from the device's output when the axis is invalid, and when it restarts.
+    # `count`: how often the guard has limited the state. The device counts from 0 again after a restart.
     supervisor, bound, expected, restarts = Supervisor(), 0.0, [], 0
     for count in rows["state_bound"].tolist():
         verdict = supervisor.judge(0, 0, 0, state_bound=count > bound)
@@ -241,13 +242,12 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
 @pytest.mark.parametrize("name", ["mpu6050_tomisuarez_100s", "mpu6050_sunsided_10min"])
 @pytest.mark.parametrize("rescaled", [True, False])
 def test_real_sensors(recordings: Path, name: str, variant: str, rescaled: bool) -> None:
-    """Noise of real sensors at the device's sensitivity.
+    """The noise of real sensors, converted to the device's counts.
 
-    An error is the difference between the device's α and the host's. With the rates of the recording, the
-    largest error is 8.3e-6 for one filter of α and f ("joint"), and 3.6e-6 for the paper's three filters
-    ("triple"). If `rescaled` is false, the recording's counts are used as the device's, so the rates are
-    eight times as large. The largest errors are then 1.9e-5 and 6.0e-5, and the guard limits up to 2,562
-    samples of an axis.
+    The largest difference between the device's α and the host's is 8.3e-6 if one filter estimates α and f
+    ("joint"), and 3.6e-6 with the paper's three filters ("triple"). If `rescaled` is false, the recording's
+    counts are not converted, so the rates are eight times as large. The largest differences are then 1.9e-5
+    ("joint") and 6.0e-5 ("triple"), and the guard limits up to 2,562 samples of an axis.
     """
     recording = open_npz(recordings / f"{name}.npz").whole()
     scale = LSB_PER_DPS / recording.lsb_per_dps if rescaled else 1.0

@@ -241,9 +241,9 @@ def test_consistent_equals_a_straight_loop() -> None:
 
 
 def test_faithful_gate_softens_the_update_to_its_width() -> None:
-    # By hand: at sample 1, the input is 1, and the measurement y is far from the prediction. The innovation e
-    # is limited to `gate` standard deviations by making its variance (e / gate)². The correction of α is
-    # therefore gate² Pαy / e, where Pαy is the covariance of α and y.
+    # By hand: the measurement y is far from the prediction. The guard limits the innovation e to `gate`
+    # standard deviations: it makes the innovation's variance (e / gate)². The correction of α is e Pαy
+    # divided by this variance, so it is gate² Pαy / e. Pαy: covariance of α and y.
     gate, y = 4.0, np.array([[50.0]])
     tuning = with_(GYROSCOPE, guard="faithful", gate=gate, order__P0=0.001, order__Q0=0.001)
     estimates = run(tuning, y, np.array([[1.0]]))
@@ -255,8 +255,8 @@ def test_faithful_gate_softens_the_update_to_its_width() -> None:
     assert estimates.alpha[0, 0] == pytest.approx(expected, rel=1e-12)
     assert counted(estimates)["order_gate"] == 1
     assert counted(estimates)["state_bound"] == 1
-    # By hand: the state filter's innovation e is limited to 4 standard deviations by making its variance (e /
-    # 4)². The state x then stays at the distance |y - x| = 16 R / e from the measurement y.
+    # By hand: the guard limits the state filter's innovation e to 4 standard deviations: it makes the
+    # innovation's variance S = (e / 4)². The state x then differs from the measurement by e R / S = 16 R / e.
     assert abs(50.0 - estimates.x[0, 0]) == pytest.approx(16 * 0.0235 / estimates.innovation[0, 0], rel=1e-9)
 
 
@@ -275,10 +275,10 @@ def test_the_state_bound_begins_at_four_deviations(guard: str) -> None:
 
 @pytest.mark.parametrize("guard", ["faithful", "consistent"])
 def test_the_walk_learns_from_the_correction_that_the_box_left(guard: str) -> None:
-    # With f0 = 0 and x0 = 1, the model's output is α itself, so the measurement 3 pulls α from 1.9 to beyond
-    # 2, the largest permitted value. The setting delta = 1 replaces the variance of α's random walk by the
-    # square of the last change of α. The limit allowed a change of 0.1, so the variance becomes 0.01. The
-    # later estimates are those of a filter whose variance was 0.01 from the beginning.
+    # With f0 = 0 and x0 = 1, the model's output is α itself. So the measurement 3 pulls α from 1.9 to beyond
+    # 2, the largest permitted value. The guard keeps α at 2, so α changes by only 0.1. With delta = 1, the
+    # variance Q of α's random walk becomes the square of this change, 0.01. The later estimates are those of
+    # a filter that has Q = 0.01 from the beginning (and the same P0 + Q0).
     state = StateSettings(x0=1, P0=0, Q=0)
     learning = OrderSettings(P0=0.2, Q0=0.1, alpha0=1.9, delta=1)
     told = OrderSettings(P0=0.29, Q0=0.01, alpha0=1.9, delta=0)

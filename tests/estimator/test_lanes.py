@@ -1,6 +1,6 @@
-"""Tests of the filters of several axes, which run in parallel, each with a supervisor that restarts a filter
-that ran away. In blocks of any size, the estimates and the supervisors' verdicts are those of a plain Python
-oracle.
+"""Tests of the filters of several axes, which run in parallel. Each axis has a supervisor, which restarts a
+filter that diverged. However the samples are divided into blocks, estimates and supervisors' decisions equal
+those of the oracle, which processes one sample at a time in Python.
 """
 
 import math
@@ -39,9 +39,9 @@ def thrown_about(n: int, lanes: int) -> Array:
 
 
 def on_and_off(n: int, lanes: int) -> Array:
-    """Return samples with motion that begins again as soon as the estimates of an axis are valid again.
+    """Return samples with motion in the first 200 of every 350 samples.
 
-    The axis's supervisor, which withdraws estimates during motion, must have forgotten the earlier motion.
+    The axis's supervisor, which withdraws estimates during motion, has to forget each motion before the next.
     """
     y = white(n, lanes)
     loud = (np.random.default_rng(1).random(y.shape) < 0.45) & (np.arange(n)[:, np.newaxis] % 350 < 200)
@@ -112,7 +112,7 @@ def test_what_cannot_be_run_is_refused_and_changes_nothing() -> None:
 
 
 def test_threads_wait_for_each_other() -> None:
-    """Calls release Python's global lock, and each block is processed as a whole."""
+    """Calls release Python's global lock. Still, each call processes its whole block before the next one."""
     from concurrent.futures import ThreadPoolExecutor
 
     runner = Lanes(3, tuning(3))

@@ -45,8 +45,8 @@ def exact_sums(a: float, x: np.ndarray, P: np.ndarray, window: int = 0) -> tuple
 
 @cache
 def exact_exp(kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return numbers of this kind (f: float, else double), and their exponentials to more digits than a
-    double has.
+    """Return numbers x, which are floats if `kind` is "f" and doubles otherwise, and exp(x) to more digits
+    than a double has.
     """
     span = 86.9 if kind == "f" else 707.9
     random = np.random.default_rng(1)
@@ -57,7 +57,9 @@ def exact_exp(kind: str) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def exact_sine(kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return numbers x of this kind (f: float, else double), and sin(πx) to more digits than a double has."""
+    """Return numbers x, which are floats if `kind` is "f" and doubles otherwise, and sin(πx) to more digits
+    than a double has.
+    """
     x = np.random.default_rng(2).uniform(-6, 6, 4000)
     x = x.astype(np.float32).astype(np.float64) if kind == "f" else x
     return x, to_more_digits(mpmath.sinpi, x)
@@ -151,11 +153,11 @@ def test_integer_orders_are_ordinary_differences(digits: int, instruction_set: s
 def weight_errors(
     memory: Memory, ages: dict[float, list[int]]
 ) -> dict[float, tuple[list[float], list[float]]]:
-    """Return, for each order, the relative errors of the memory's weights: c_j of the state that is j samples
-    old, and c_j² of its variance. `ages`: the ages j that are tested, for each order.
+    """Return, for each order, the relative errors of the weights that the memory gives to past samples. The
+    state that is j samples old has the weight c_j, and its variance has c_j². `ages`: the tested ages j.
 
-    The memory gets one state of 1 and then zeros, so that its sum after j samples is c_j. One memory serves
-    all orders, since its sums depend on the order, but what it keeps does not.
+    The memory gets one state of 1 and then zeros, so that its sum after j samples is c_j. All orders use the
+    same memory: what it keeps does not depend on the order, only the weights of the sum do.
     """
     memory.reset()
     memory.push([1.0], [1.0])
@@ -183,8 +185,8 @@ def bounds(order: float, digits: int) -> tuple[float, float]:
 
 @pytest.mark.parametrize(("digits", "farthest"), [(6, 1e5), slow(3, 1e6), slow(6, 1e6), slow(9, 1e7)])
 def test_weights_over_millions_of_samples(digits: int, farthest: float) -> None:
-    """The memory of past states with the most accurate digits, which has the closest error bounds, is tested
-    with the oldest states.
+    """The weights are tested for past states that are up to `farthest` samples old. The memory with nine
+    digits, which has the smallest error bounds, is tested with the oldest states.
     """
     random = np.random.default_rng(3)
     ages: dict[float, list[int]] = {}

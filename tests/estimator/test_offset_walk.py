@@ -49,8 +49,8 @@ def predicted(s: System, y: Array, t_s: float) -> tuple[float, float]:
 
 
 def width(s: System, t_s: float, *truth: Part) -> float:
-    """Return how much wider the σ of the heading is by the state-space model `s` than by a filter that knows
-    the true noise, as a ratio.
+    """Return the ratio of two σ of the heading after `t_s` seconds: the one by the state-space model `s`, and
+    the one by a filter that knows the true noise.
     """
     known = system(truth, H, N)
     known = known if known.walks else known.with_offset()

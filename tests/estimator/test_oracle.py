@@ -1,5 +1,5 @@
-"""Tests of the figures of innovations that the oracle computes in plain Python. The native estimators are
-compared with them in test_bank.py.
+"""Tests of `whiteness`, which computes in plain Python whether innovations are correlated, and as large as
+predicted. In test_bank.py, the native estimators are compared with it.
 """
 
 import math
@@ -39,6 +39,6 @@ def test_few_innovations_the_past_and_neighbours_of_a_gap_do_not_count() -> None
     assert whiteness([(1e12, 1.0)] * 500 + white).nis == pytest.approx(0.25, rel=0.2)
     pairs = [((-1.0) ** k, 1.0) for k in range(FEWEST // 2) for _ in range(2)]
     apart = [row for k, one in enumerate(pairs) for row in ([one, None] if k % 2 else [one])]
-    assert whiteness(apart).lag1 == pytest.approx(
-        0.5
-    )  # no gap (None) is between two equal innovations; there are half as many such pairs as innovations
+    # Neighbours with a gap (None) between them do not count. The other pairs of neighbours are equal, and are
+    # half as many as the innovations.
+    assert whiteness(apart).lag1 == pytest.approx(0.5)

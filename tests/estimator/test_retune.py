@@ -146,8 +146,8 @@ BELIEF = FilterModel(0.7, 0.05, 0.6, 0.02, -2.5, 0.8)
 def test_an_axis_goes_on_with_the_order_that_belongs_to_its_variances(
     variant: Literal["joint", "triple"],
 ) -> None:
-    """After a change of Q and R, an axis's filters go on with their state and their memory. They take α and f
-    from the fit, here with hardly any uncertainty.
+    """When Q and R of an axis change, its filters keep their state and their memory, but continue with α and
+    f of the model fit. Here, the fit says that α and f are nearly certain.
 
     The other axes are not affected.
     """
@@ -170,8 +170,8 @@ def test_deviations_count_what_the_fit_leaves_open_and_how_far_the_filter_has_go
     bank.retune({"gyro_y": Variances(0.003, 0.011)}, {"gyro_y": BELIEF})
     other, _ = begun()
     other.retune({"gyro_y": Variances(0.003, 0.011)}, {"gyro_y": BELIEF})
-    # `other` then drops the figures of the model fit for α and f, so its deviations are those of its filters
-    # alone
+    # `other` then forgets what the model fit says of α and f. So its standard deviations of α and f are those
+    # of its filters alone.
     other.native.know([None] * 3)
     found, own = bank.run(y), other.run(y)
     for std, own_std, value, believed, open_ in (

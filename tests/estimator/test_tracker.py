@@ -68,7 +68,9 @@ def test_the_offset_is_within_what_is_said() -> None:
 
 @cache
 def disturbed() -> Array:
-    """Return samples with knocks, spikes, motion, a step of the bias, and steps of one count."""
+    """Return samples of two axes with motion, a spike, and a step of the bias. The second axis is rounded to
+    counts of 0.1.
+    """
     y = 0.5 + np.random.default_rng(4).standard_normal((4000, 2)) * [1.0, 0.1]
     y[700:900] += 300 * np.sin(np.arange(200) / 9)[:, None]
     y[1500, 0] += 1e4

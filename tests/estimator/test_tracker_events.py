@@ -153,7 +153,8 @@ def test_heavy_tails_are_no_motion(name: str | None) -> None:
         assert one.figures()[0].begun == 0
         late = slice(6000, None)
         errors.append(np.sqrt(np.mean((found.bias - state)[late] ** 2)))
-        # a constant offset in white noise has one error throughout, so no proportion of errors is compared
+        # In white noise, the bias is constant, and its error hardly changes. So nearly all errors, or nearly
+        # none, are within 2 σ, and this proportion shows nothing.
         if name != "white":
             assert 0.93 < np.mean(np.abs(found.bias - state)[late] < 2 * found.bias_std[late]) < 0.98
     assert errors[1] < 1.05 * errors[0] or name == "white"
@@ -173,7 +174,8 @@ def test_axes_that_hardly_change(name: str | None, axis: str) -> None:
     one = made(name)
     found = run(one, y)
     assert one.figures()[0].moved == 0
-    # A constant signal has no noise, so the bank of filters begins with the first change of the signal.
+    # A constant signal has no noise. So without a noise model, the tracker's bank of filters begins at the
+    # first change of the signal, and needs 16 samples.
     woken = np.s_[2000:2016] if axis == "stepping once" and name is None else np.s_[:0]
     seen, std = (np.delete(column, woken)[20:] for column in (found.bias, found.bias_std))
     assert np.all(np.isfinite(seen))
@@ -274,11 +276,12 @@ def test_a_system_found_after_hours(s: System) -> None:
 
 @pytest.mark.parametrize("name", [slow("white"), slow("order"), "resonance"])
 def test_means_of_samples_tell_bounds_of_a_walk_as_the_samples_do(name: str) -> None:
-    """The bias may do a random walk, or a walk that has bounds (a relaxation). The difference between the
-    likelihoods of the two is about the same for means of samples as for all samples.
+    """Models in which the bias does a random walk, or a walk with bounds (a relaxation), are compared by
+    their log likelihoods. The difference of two log likelihoods is about the same for all samples as for the
+    means of samples that a tracker remembers.
 
-    It is not quite the same, because a relaxation changes within the time of a mean, and faster parts of the
-    noise are not white in the means.
+    The differences are not quite equal, for two reasons. A relaxation changes during the time of one mean.
+    Faster parts of the noise are not white in the means.
     """
     bare = {"white": white(1.0), "order": of(Order(0.7, -1.0, 0.3 / H**1.4)), "resonance": RESONANT}[name]
     q, a = 2e-3, math.exp(-1 / 1000)
@@ -342,11 +345,11 @@ def test_systems_of_which_no_filter_can_be_made_change_nothing() -> None:
 
 
 def test_an_order_with_a_slow_pole_pair_behind_a_sharpening_is_filtered_or_refused() -> None:
-    """The noise is one of fractional order after a filter that changes high frequencies (`Sharpening`). For
-    this noise, the filter that takes means of several samples has no valid covariance. The tracker then
-    filters the noise in another way, or refuses it.
+    """The noise has a fractional order and has passed a filter that changes high frequencies (`Sharpening`).
+    For such a noise, the covariance that follows from the means of older samples may be invalid. The tracker
+    then ignores these means.
 
-    In an earlier version, every bias was NaN because of this.
+    In an earlier version, it used the invalid covariance, and every bias was NaN.
     """
     parts = [
         White(0.009609324474215877),

@@ -37,9 +37,9 @@ def covariances(spectrum: Callable[[Array], Array], n: int) -> Array:
 
 
 class Family(NamedTuple):
-    """A kind of noise: the spectra of its state and of its other noise, and the parts of its model.
-
-    `state` is None for a random walk.
+    """A kind of noise. `parts`: the parts of its model. `state`: the spectrum of the state, which the tracker
+    estimates; None for a random walk. `noise`: the spectrum of the noise that is added to the state.
+    `walk_q`: variance of the random walk's steps.
     """
 
     parts: Sequence[p.AnyPart]
@@ -161,7 +161,11 @@ def no_series_left() -> Iterator[None]:
 
 
 class Quality(NamedTuple):
-    """Figures of the quality of the estimated states between two sample numbers, over 60 series."""
+    """How good the estimated states are, over some samples of all series.
+
+    `rmse`: root mean square of their error. `over_best`: ratio of `rmse` to that of the best linear estimate.
+    `over_y`: ratio of `rmse` to that of the measurements. `covered`: proportion of errors below 2 σ.
+    """
 
     rmse: float
     over_best: float
@@ -203,7 +207,9 @@ def test_with_the_right_model_it_is_the_best_possible(name: str, offset: float |
 
 
 HARD = {"order .3 -2, 1": (1.5, 0.1)}
-"""Other limits for noise that no test can distinguish from white noise within half a minute."""
+"""Noise that no test can distinguish from white noise within half a minute, with its own limits: the largest
+permitted `over_best` and the smallest permitted `covered`.
+"""
 
 
 @pytest.mark.slow

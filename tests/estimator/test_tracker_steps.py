@@ -34,8 +34,8 @@ def steps(one: Tracker) -> list[TrackerEvent]:
 @pytest.mark.parametrize("before", [12_000, 100_000])
 @pytest.mark.parametrize("size", [1.0, 0.3])
 def test_a_step_is_seen_about_as_soon_as_any_test_can_see_it(size: float, before: int) -> None:
-    """By Lorden's bound, no test with one false alarm a week detects steps of size δ sooner than after 30
-    (σ/δ)² samples on average.
+    """By Lorden's bound, no test that has one false alarm a week detects a step of size δ in white noise of
+    standard deviation σ sooner than after 30 (σ/δ)² samples on average. The tracker may need 1.8 times that.
     """
     rng = np.random.default_rng(1)
     one = of(WHITE)
@@ -109,8 +109,8 @@ NOISES = {
 def test_there_are_no_false_steps(name: str) -> None:
     """For each kind of noise, this test processes half an hour of six axes, which is three hours of one axis.
 
-    If an axis had one false step a week, one in ten runs of this test (over all kinds of noise) would show a
-    false step.
+    All six kinds of noise make 18 hours, about a tenth of a week. So if an axis had one false step a week,
+    one in ten runs of these tests would show it.
     """
     s, noise = NOISES[name]
     rng = np.random.default_rng(4)
@@ -227,7 +227,7 @@ def eventful() -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("name", ["relaxation", "walking offset", "order", "low-pass"])
 def test_the_bias_is_the_mean_of_what_comes(name: str) -> None:
-    """The tracker's bias is the mean that the state of a filter in numpy predicts for the next samples."""
+    """The tracker's bias is the mean of the next samples, as a Kalman filter in numpy predicts it."""
     s, ahead = SYSTEMS[name], 50
     y, _ = simulated(s, 500, 1)
     y[0] = 0
@@ -241,7 +241,7 @@ def test_the_bias_is_the_mean_of_what_comes(name: str) -> None:
         last, covariance = x, P
         x, P = A @ x, A @ P @ A.T + s.Q
     powers = [np.linalg.matrix_power(A, k) for k in range(ahead + 1)]
-    sums = np.cumsum(powers[:ahead], axis=0)  # sums of A^0 … A^k
+    sums = np.cumsum(powers[:ahead], axis=0)  # element k: A^0 + … + A^k, with the transition A
     row = s.bias @ sum(powers[1:]) / ahead
     added = sum(s.bias @ one_sum @ s.Q @ one_sum.T @ s.bias for one_sum in sums) / ahead**2
     assert found.bias[-1, 0] == pytest.approx(row @ last, rel=1e-6, abs=1e-9)
