@@ -1,8 +1,8 @@
 """What all tests share: hypothesis without randomness, and the folder of recordings of real sensors, if it is
 present.
 
-No test runs with a native module that was built from other sources. Such a module may give the parts of a
-noise other numbers, so that a number would mean another part.
+No test runs with a native module that was built from other sources. Python and such a module may number the
+kinds of parts of a noise in different ways, so that one number would mean two different kinds.
 """
 
 import gc
@@ -43,7 +43,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def pytest_configure() -> None:
     """Refuse a native module built from other sources.
 
-    The next set-up then rebuilds the module, whatever the files' times say.
+    The next set-up then rebuilds the module, even if the module's file is newer than its sources.
     """
     wanted = runpy.run_path(str(ROOT / "host/native/source_hash.py"))["source_hash"]()
     if getattr(_native, "SOURCE_HASH", "") != wanted and not os.environ.get("FLTEA_STALE_NATIVE"):
@@ -56,10 +56,10 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Keep the garbage collector away from modules and tests, which stay until the end.
+    """Keep the garbage collector away from modules and tests.
 
-    Otherwise the collector would visit these million objects again and again, while they are made and at each
-    full collection.
+    They are about a million objects, which stay until the end. Otherwise the collector would visit them
+    again and again, while they are made and whenever it visits all objects.
     """
     gc.disable()
     try:
@@ -81,7 +81,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Refuse a test of a later tier that `pytest_ignore_collect` would leave out.
+    """Refuse a test whose mark of a later tier (such as `slow`) is not written in its own file, since
+    `pytest_ignore_collect` would leave out this file.
 
     A test with the mark `long` gets the mark `slow`, too.
     """
