@@ -5,10 +5,10 @@ The present program is measured, and that of another commit if one is named.
     make bench ARGS='--chain --against HEAD~3 --rows 300,ndjson'
 
 A row of the result is one task. Every round measures each row with one program, and right after that with the
-other program, on the same samples. So a busy machine slows both. "Peers" are other programs that read such
-files. Live devices send white noise, or coloured noise, whose fits take longer. One row measures the engine
-(the native code of the filters) alone on the samples of an hour. The ratio of its processor time to the whole
-program's tells what the rest of the program costs.
+other program, on the same samples. So a busy machine slows both. Some rows measure programs other than fltea
+that read such files. Live devices send white noise, or coloured noise, whose fits take longer. The engine
+(the native code of the filters) is also measured alone. The column "times the engine" shows how many times
+longer the whole program takes for as many samples.
 """
 
 import os
@@ -38,8 +38,8 @@ FAILED = (RuntimeError, OSError, psutil.Error, subprocess.SubprocessError)
 class Column(NamedTuple):
     """How a table shows one of the measured figures in a column.
 
-    `whole`: whether every run has to reach the goal, instead of the median of the runs. `ratio`: whether the
-    ratio of the two programs' figures is shown.
+    `whole`: whether the worst run has to reach the goal, and not only the median of the runs. `ratio`:
+    whether the table also shows this figure of one program divided by that of the other.
     """
 
     heading: str
@@ -83,8 +83,8 @@ def measure(
     """Measure the rows with the present program and, if `against` is given, with that commit's program.
 
     `rows`: names separated by commas. `rounds`: number of rounds, by default 3, or 1 for long rows. In the
-    result, `runs` has the figures of each run by row and by program, or in `failed` the reason why a run has
-    no figures.
+    result, `runs` has a list for each row and program, with the figures of each run. If a run failed, its
+    only figure is `failed`, the reason.
     """
     picked = chosen([name for name in rows.split(",") if name], long=long)
     programs = [*([at_commit(against)] if against else []), PRESENT]

@@ -168,7 +168,9 @@ def _still_runs(daemon: Any, folder: Path) -> None:
 
 
 def _arrived(reader: Reader, fed: dict[str, Any], begin_ns: int) -> dict[str, Any]:
-    """Return the latency of the estimates for samples written after `begin_ns`, and the losses by kind.
+    """Return the latency of the estimates, and the number of losses of each kind.
+
+    Latency and missing estimates are those of samples written after `begin_ns`.
 
     A record `stats` has the counts of samples in `sample_counts`. The `stats` of the commit 068f73c8, with
     which later commits are compared, has these counts in `samples`.

@@ -185,7 +185,9 @@ def _counted(programs: _Programs) -> dict[str, Any]:
 def text(found: dict[str, Any]) -> str:
     """Return the figures as a table.
 
-    After a worker was killed, `delivered` is the count of the other worker since it took over the devices.
+    `delivered` is the largest count of a device's samples by one worker, summed over the devices. So it is
+    too small if a worker was killed: its devices were counted by one worker before, and by the other after
+    that.
     """
     keys = (
         "devices",

@@ -33,7 +33,10 @@ GOALS = {"accumulators_ns": 100.0, "fit_ms": 2.0}
 
 
 def measure() -> dict[str, Any]:
-    """Return processor times. They are medians over the rounds, or medians of ratios within a round."""
+    """Return the processor times of the sums and of the fits, as medians over the rounds.
+
+    `over_filters`: the time of the sums divided by that of the filters in the same round, also as a median.
+    """
     y = samples(NOISE, len(AXES), SAMPLES)
     found: dict[str, Any] = {"rounds": ROUNDS, "accumulators": _accumulators(y), "fit": _fits(y)}
     return found | {"not_reached": not_reached(found)}
@@ -69,7 +72,7 @@ def text(found: dict[str, Any]) -> str:
 
 
 def _accumulators(y: Array) -> dict[str, Any]:
-    """Measure the time of the sums for the fit, and alternately that of the filters, on the same blocks."""
+    """Measure the time of the live fit's sums and that of the filters, alternately and on the same blocks."""
     settings = LaneSettings(EstimatorConfig(), H, y[:1000].var(axis=0))
     found = {}
     for name, rows in AT_ONCE.items():

@@ -3,10 +3,10 @@
 The memory is measured for several accuracies (numbers of digits), lengths (windows) and numbers of axes that
 are processed in parallel (lanes). The figures are the number of modes, the accuracy and the time of a step.
 
-A step is all that the estimator needs from its memory for one sample: the weighted sum of the past states for
-three orders, the weighted sums of states and variances for a fourth order, and adding the new state. Each
-operation waits for the one before. Errors are relative. The tables have the largest error for ages up to ten
-million samples and all orders.
+A step is all that the estimator needs from its memory for one sample. It computes weighted sums of the past
+states for four orders, and for the fourth order also that of their variances. Then it adds the new state.
+Each of these operations waits for the one before. The tables have the largest relative error of the weights,
+for ages up to ten million samples and all orders.
 """
 
 import statistics
@@ -80,7 +80,7 @@ def nanoseconds(memory: Timed, window: int) -> float:
 
 
 def measure() -> dict[str, list[dict[str, Any]]]:
-    """Measure the figures of all tables."""
+    """Return the rows of each table."""
     by_digits = []
     for digits in DIGITS:
         memory = Timed(digits)

@@ -1,7 +1,8 @@
 """Compares the time in which `open_csv` reads text, as `fltea info` calls it, with that of pandas.
 
-Ratios are of processor times within a round, so that a busy machine slows both. pandas reads the same columns
-and nothing else; fltea also checks every line, numbers the samples and determines the clock.
+In each round, fltea and pandas read the same file one after the other, so that a busy machine slows both.
+Their processor times are compared round by round. pandas reads the same columns and nothing else; fltea also
+checks every line, numbers the samples and determines the clock.
 """
 
 import json
@@ -32,12 +33,12 @@ NAMES += [f"accel_{axis} (m/s^2)" for axis in "xyz"]
 PLACES = How(columns=["2", "3", "4"], time_column="1", time_unit="s", units="deg/s")
 ROUNDS = 5
 SMALLER = 30
-"""Smaller files show how the time grows with a file's size. The smallest of them has the number of rows of
-the large CSV file, divided by this number.
+"""Three smaller files show how the reading time grows with a file's size. The smallest has ROWS / SMALLER
+rows; the others are twice and four times as long.
 """
 SECONDS_PER_MB, TWICE = 1.0, 2.5
-"""Largest values that reach the goals. SECONDS_PER_MB is the time for 1 MB of any text [s]. TWICE is the time
-for a text, divided by the time for half of it.
+"""Goals for texts of any kind. SECONDS_PER_MB: largest time to read 1 MB [s]. TWICE: largest ratio of the
+time to read a text to the time to read half of it.
 """
 HALF = 0.5
 """Goal: the speed of reading CSV is at least this fraction of pandas' speed."""
@@ -109,10 +110,10 @@ LINEAR = {
 
 
 def measure(rows: int = ROWS, rounds: int = ROUNDS) -> dict[str, Any]:
-    """Return the processor times for each kind of text.
+    """Return how fast each kind of text is read, and a text for each goal that is missed.
 
-    Also return, for some kinds of text, the times for a small file and for files that are twice and four
-    times as long, and the times for rows with and without a header before each of them.
+    `growth` of the result: for some kinds of text, the times for a small file and for files that are twice
+    and four times as long. `headers`: how fast rows with and without a header before each of them are read.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rest.csv"

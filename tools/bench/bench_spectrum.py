@@ -41,7 +41,10 @@ NOISES = {
 
 
 def measure() -> dict[str, Any]:
-    """Return sizes in memory, and median and largest processor time of each measured task over the rounds."""
+    """Return the median and the largest processor time of each measured task over the rounds.
+
+    Also return the size of an axis's live spectrum, and that of a saved live Allan deviation [bytes].
+    """
     works = [*_octaves(), *_allan(), *_models(), *_last_refits()]
     times = in_turns({name: partial(cpu_seconds, run) for name, _, _, run in works}, REPETITIONS)
     timed = [
@@ -127,7 +130,10 @@ def _allan() -> list[Work]:
 
 
 def _models() -> list[Work]:
-    """Return the tasks of a refit that run in native code. Their times are means over the noises."""
+    """Return the tasks of a refit that run in native code.
+
+    One call does a task for every noise. The time of the call is divided by the number of noises.
+    """
     found = []
     for parts in NOISES.values():
         sums = Octaves(1)

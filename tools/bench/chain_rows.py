@@ -152,7 +152,7 @@ GOALS: Mapping[str, Mapping[str, float]] = {
     "1000": {"cpu_percent": 170.0, "p99_ms": 150.0},
     "300-record": {"p99_ms": 150.0},
 }
-"""Goals of live devices, by the row's name."""
+"""Goals of rows that measure live devices: largest permitted values of figures, by the row's name."""
 USUAL = ("1", "1-0ms", "10", "300", "1000")
 
 
@@ -186,9 +186,9 @@ ROWS = (*_hour(), *_identify(), *_day(), *_devices())
 def chosen(names: Sequence[str] = (), *, long: bool = False) -> list[Row]:
     """Return the rows with these names or kinds, all rows for `all`, or the usual rows if there are no names.
 
-    A row that takes minutes to measure (`Row.long`) is included only if `names` has its own name, or if the
-    argument `long` is set. Without that argument, neither its kind nor `all` includes it. An unknown name
-    raises SystemExit.
+    A row that takes minutes to measure (`Row.long`) is included if `names` has its own name. If `long` is
+    set, it is also included with its kind, with `all`, or if there are no names. An unknown name raises
+    SystemExit.
     """
     known = {row.name for row in ROWS} | {row.kind for row in ROWS} | {"all"}
     if unknown := [name for name in names if name not in known]:

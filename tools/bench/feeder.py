@@ -73,7 +73,7 @@ def ports(folder: Path, n: int) -> tuple[list[int], list[int]]:
 
 
 def noises(n: int, samples: int, *, coloured: bool) -> list[list[bytes]]:
-    """Return, for each of the noises, the frames of its samples, one for each sample."""
+    """Return, for each noise (at most VOICES), a list of frames. Each frame has one sample of three axes."""
     found = []
     for k in range(min(n, VOICES)):
         noise = np.random.default_rng(k).normal(0, 3, (samples, 3))
@@ -84,9 +84,9 @@ def noises(n: int, samples: int, *, coloured: bool) -> list[list[bytes]]:
 
 
 def offsets_ns(n: int) -> list[int]:
-    """Return, for each device, when within a sampling period its samples are due.
+    """Return, for each device, when within a sampling period its samples are due [ns].
 
-    Times that lie within one frame of USB are equal.
+    The times are rounded down to whole frames of USB, so several devices may have the same time.
     """
     return [k * PERIOD_NS // n // FRAME_NS * FRAME_NS for k in range(n)]
 

@@ -1,10 +1,10 @@
 """Shows where the processor time of a live device goes, from bytes to JSON lines: `make bench ARGS=--loop`.
 
-A device with white noise runs for ten minutes of virtual time. Its bytes are read in two ways: as with a
-`link.latency` of 0 ms (one sample in each read), and of 20 ms (two samples). The bytes pass through the same
-functions as in `fltea run`, but all in one thread; `fltea run` refits in a thread of its own. At each tick of
-a timer of processor time, the file of fltea that is running is recorded. The real program also needs time for
-wake-ups, threads and queues.
+A device with white noise runs for ten minutes of virtual time, and this is done twice. Each read has one
+sample, as with a `link.latency` of 0 ms, or two, as with 20 ms. The bytes pass through the same functions as
+in `fltea run`, but all in one thread; `fltea run` refits in a thread of its own. A timer interrupts the
+program after equal amounts of processor time. Each time, the file of fltea whose code is running is recorded.
+The real program also needs time for wake-ups, threads and queues.
 """
 
 import os
@@ -71,7 +71,7 @@ class InlineWorker(FitWorker):
     making = False
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Return a function that makes the refit (calls `work`) when it is called."""
+        """Return a function that calls `work`, which makes the refit."""
 
         def made() -> T:
             self.making = True
@@ -84,14 +84,14 @@ class InlineWorker(FitWorker):
 
 
 class LastRefit:
-    """Counts which task was running at each tick of the timer of processor time."""
+    """Counts how often each task was running when the timer of processor time interrupted it."""
 
     def __init__(self, worker: InlineWorker) -> None:
         self.seen: Counter[str] = Counter()
         self._worker = worker
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Count one tick for the task of the innermost function of the package that is on the stack."""
+        """Count one interrupt for the running task: the refit, or that of the innermost function of fltea."""
         while frame is not None and not frame.f_code.co_filename.startswith(PACKAGE):
             frame = frame.f_back
         file = OTHER if frame is None else frame.f_code.co_filename[len(PACKAGE) :]

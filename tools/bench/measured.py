@@ -96,7 +96,7 @@ def allow_open_files(count: int) -> None:
 
 
 def started(stack: contextlib.ExitStack, module: str, *arguments: object, **options: Any) -> Any:
-    """Start a module of Python as `started_command` starts a command."""
+    """Start a Python module as a program. When `stack` is closed, it is killed if it still runs."""
     return started_command(stack, [sys.executable, "-m", module, *map(str, arguments)], **options)
 
 

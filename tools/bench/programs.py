@@ -98,9 +98,9 @@ def _build(commit: str, root: Path, folder: Path) -> None:
         _pip("--python", python, "install", "--no-deps", "--no-index", *map(str, wheels.glob("*.whl")))
         # This .pth file makes the packages of .venv available. It is written after the commit's fltea is
         # installed, since pip would otherwise see the fltea of .venv and take it for installed. Python
-        # searches the folders named in a .pth file last, so the commit's fltea comes first. Python ignores
-        # .pth files inside these folders. So the clone's fltea, to which a .pth file inside .venv leads, is
-        # not found at all.
+        # searches the folders named in a .pth file last, so the commit's fltea comes first. The clone's own
+        # fltea is not found at all. Only a .pth file inside .venv names its folder, and Python ignores .pth
+        # files inside folders that were named by a .pth file.
         (_packages(folder) / "of_the_clone.pth").write_text(
             sysconfig.get_path("purelib") + "\n", encoding="utf-8"
         )

@@ -41,7 +41,7 @@ LONGEST_SILENCE = 3000
 
 
 class Sent:
-    """What the device sent: the number of sampling instants of each boot, and the incidents."""
+    """What the device sent: the number of sampling instants of each boot, and the number of faults."""
 
     def __init__(self) -> None:
         self.boots: dict[int, int] = {}
@@ -77,9 +77,10 @@ def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
 
 
 class Seen:
-    """What the host reports of each epoch (a run of samples without restart).
+    """What the host reports.
 
-    This is the epoch's boot, the numbers of its first and last sample, and its counts.
+    `epochs`: for each epoch (a run of samples without restart) its boot, the numbers of its first and last
+    sample, and its counts. `stats`: the newest statistics.
     """
 
     def __init__(self) -> None:

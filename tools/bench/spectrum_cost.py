@@ -109,7 +109,10 @@ def on_due(samples: int, noise: str = NOISES[0]) -> Found:
 
 
 def measure(samples: int = 60_000) -> dict[str, Any]:
-    """Return the figures of both runs, and what part of the board's processor time three axes take."""
+    """Return the figures of the run on the emulated board, and whether a run on this PC gives the same bits.
+
+    `share_percent`: the part of the board's processor time that three axes take.
+    """
     due, pc = on_due(samples), on_pc(samples)
     taken = due.phases["sample"].instructions + due.phases["level"].instructions
     track = due.phases["track"].instructions / due.phases["track"].calls

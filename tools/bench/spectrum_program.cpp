@@ -20,7 +20,7 @@ enum Phase { kSample, kLevel, kBins, kColdFit, kWarmFit, kDesign, kTrack, kPhase
 
 struct Results {
     uint32_t done;
-    uint32_t hash;  // a hash of all sums, bins and figures
+    uint32_t hash;  // hash of all results: spectral sums, bins, fit and tracker
     float alpha, alpha_std, ratio_white, ratio_ar1;
     uint32_t verdict, evaluations_cold, evaluations_warm, bins, depth;
     uint32_t octaves_bytes, bins_bytes, fit_bytes, memory_bytes, tracked_bytes;
@@ -38,7 +38,8 @@ alignas(8) unsigned char tracked_storage[sizeof(fltea::whittle::TrackedState)];
 
 #if defined(__arm__)
 volatile uint32_t& at(uint32_t address) { return *reinterpret_cast<volatile uint32_t*>(address); }
-// The timer SysTick counts down. In the emulator, an instruction takes one cycle.
+// Returns a count that rises by one with each instruction, modulo 2^24. The timer SysTick counts the clock's
+// cycles down, and in the emulator each instruction takes one cycle.
 uint32_t now() { return 0xFFFFFF - at(0xE000E018); }
 void start_counting() {
     at(0x400E1A54) = 1 << 15;  // this value turns the watchdog off
@@ -111,8 +112,8 @@ void fit_once(const Bins& bins, Fit& fit, Memory& memory, Phase phase) {
     }
 }
 
-// Tracks the bias of 1,200 samples of the same noise. The tracker uses the Kalman filter of the fit, then
-// that of a fractional noise, then again that of the fit.
+// Tracks the bias of 1,200 samples of the fitted noise. After every 300 samples the tracker gets another
+// Kalman filter: first that of the fit's noise model, then that of a fractional noise, then the first again.
 void track(const fltea::whittle::FitFigures& found) {
     fltea::whittle::FilterDesign& design = *new (design_storage) fltea::whittle::FilterDesign;
     fltea::whittle::TrackedState& tracked = *new (tracked_storage) fltea::whittle::TrackedState;
