@@ -1,6 +1,7 @@
-"""What emulated chips have in common whose registers are plain numbers, in banks or not.
+"""The common part of emulated chips whose registers hold plain numbers. The registers may be in banks.
 
-A chip is a class with the facts of its data sheet, and three methods for what is special about it.
+Each kind of chip is a subclass. It defines the facts of its data sheet, and three methods: for reading and
+for writing its special registers, and for measuring.
 """
 
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ from tools.due_emulator.noise import World
 
 # Why more than 12 attributes: each is one fact of a data sheet, or a register that these chips have.
 class BankedChip(Chip):
-    """A chip that was powered on long before time 0. Its class gives the facts that are declared here.
+    """A chip that was powered on long before time 0. Its subclass defines these facts of the data sheet.
 
     `quiet_ns`: time after power-up or reset in which the chip does not acknowledge [ns]. `ready_ns`: time in
     which written settings are lost [ns]. `fifo_bytes`: capacity of the FIFO. `reset_values`: values of
@@ -43,27 +44,26 @@ class BankedChip(Chip):
         self._registers: dict[int, int] = {}
         self._restore()
 
-    # Members that the class of each kind of chip defines, with `output_hz` of `Chip`
+    # Methods that a subclass (one for each kind of chip) has to define, as well as `output_hz` of `Chip`
 
     def _load_special(self, register: int) -> int | None:
         """Return the value of a register that is more than a stored number; None for other registers."""
         raise NotImplementedError
 
     def _store_special(self, register: int, value: int) -> bool:
-        """Do what the write of a register causes, apart from storing the value.
+        """Do what a write to this register causes (such as a reset), apart from storing the value.
 
         Return True if the value must not be stored.
         """
         raise NotImplementedError
 
     def _convert(self, at_ns: int) -> None:
-        """Measure the motion (`_motion`), and set the output registers and the FIFO accordingly."""
+        """Measure the sensor's motion (`_motion`), and write it to the output registers and the FIFO."""
         raise NotImplementedError
 
     # Time and power
 
     def advance(self, now_ns: int) -> None:
-        """Advance time to `now_ns`."""
         if self._ready_at_ns is not None and self._ready_at_ns <= now_ns:
             self._now_ns = self._ready_at_ns
             self._restore()

@@ -153,7 +153,7 @@ class Board:
         self.system_control.reset()
         self.cpu.restart(hold_ps)
 
-    # Faults, which tools.due_emulator.faults causes
+    # Faults: tools.due_emulator.faults calls these methods
 
     def brown_out(self) -> None:
         """Let the supply voltage sag.

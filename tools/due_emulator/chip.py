@@ -65,8 +65,8 @@ class Chip:
     `address`: address on the bus. `clock_ppm`: error of the chip's clock, positive if it is too fast.
     `fifo_register`: the register of the FIFO. After each access to another register, the chip goes on to the
     next register; after an access to this one it stays. `gyro_start_ns`: time that the gyroscope needs after
-    it was switched on [ns]; until then it measures nothing. `fifo_kind`: class of the FIFO, which says what
-    an empty one gives.
+    it was switched on [ns]; until then it measures nothing. `fifo_kind`: class of the FIFO; it decides
+    which value is read from an empty FIFO.
     """
 
     fifo_register: int
@@ -87,7 +87,7 @@ class Chip:
         self._period_ps: int | None = None
         self._gyro_starts_until_ns = 0
 
-    # Members that the class of each kind of chip defines
+    # Members that a subclass (one for each kind of chip) defines or replaces
 
     @property
     def output_hz(self) -> float:
