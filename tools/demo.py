@@ -197,7 +197,8 @@ def show_summary(records: IO[str]) -> None:
         try:
             print(line, flush=True)
         except BrokenPipeError:
-            # Without this Python would raise the error again when it flushes standard output at exit.
+            # Nobody reads standard output any more, so it is redirected to the null device. Otherwise Python
+            # would raise the error again when it flushes standard output at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             records.close()
             return
