@@ -58,9 +58,9 @@ def opened(moments: list[Moment]) -> list[Moment]:
 def check_any_reads(
     story: Story, places: list[float], together: Sequence[int], changes: dict[str, Any]
 ) -> list[bytes]:
-    """Check that other divisions of a story's bytes into reads give the same records as the original reads.
+    """Check that the bytes of a story (simulated seconds of a board) give the same records in other reads.
 
-    The other divisions are smaller reads, several reads joined, and all reads joined.
+    The original reads are divided into smaller ones, several of them are joined, or all of them.
     """
     moments, chosen = story.moments(), config(changes)
     whole = walk(chosen, moments)
@@ -82,8 +82,8 @@ def check_any_reads(
 def test_bytes_of_the_same_moments_give_the_same_records_however_they_are_read(
     story: Story, places: list[float], together: list[int], changes: dict[str, Any]
 ) -> None:
-    """The bytes of a story are read in smaller pieces, cut at `places`, and these are joined in groups of the
-    sizes `together`. Hypothesis also draws cases without cuts, and cases in which nothing is joined.
+    """The reads of a story (simulated seconds of a board) are cut at `places`. Then they are joined in groups
+    of the sizes `together`. Hypothesis also draws cases without cuts, and cases in which nothing is joined.
     """
     moments, chosen = story.moments(), config(changes)
     whole = walk(chosen, moments)
@@ -98,7 +98,9 @@ def test_each_thing_that_may_happen_is_the_same_however_it_is_read(what: str) ->
 
 
 def test_a_last_block_whose_end_cannot_be_used_ends_where_it_ends() -> None:
-    """The last statistics have the time of the last sample, even if that sample was not accepted."""
+    """The last samples are not accepted, since the device's time jumps before them. The last statistics have
+    the time of the last sample all the same.
+    """
     check_any_reads(Story(0, 201, ((199, "jump"),), (1,)), [], [3], {})
 
 

@@ -91,8 +91,8 @@ def test_samples_of_a_device_that_contradicts_itself_are_counted_as_such(
 
 
 def test_a_rate_ten_times_too_high_is_no_restart() -> None:
-    """A stated rate that is ten times too high is not taken for a restart. Between any two samples, the
-    device seems to restart, for longer than the program ever waits for a HELLO.
+    """By the stated rate, the time between two samples is ten times too long, as if the device had restarted.
+    But this goes on for longer than the program waits for a HELLO, so it is not taken for a restart.
     """
     some = samples(100.0, 2000)
     records = walked(list(with_hellos(1000.0, some)))
@@ -143,9 +143,8 @@ def test_it_is_believed_again_when_its_clock_agrees() -> None:
 
 
 def test_another_device_on_the_port_is_asked_for_its_hello_first() -> None:
-    """Samples of the new device that come before its HELLO contradict the earlier device.
-
-    No error is reported for these samples.
+    """A device with another rate follows on the same port. Samples that come before its HELLO contradict the
+    rate of the earlier device. No error is reported for them.
     """
     first, second = samples(100.0, 300), samples(500.0, 400)
     moved = [raw._replace(host_ns=raw.host_ns + 10**10) for raw in second]

@@ -78,7 +78,7 @@ def test_an_accelerometer_may_be_left_out_for_a_while() -> None:
         events, {"channels": ["gyro_z", "accel_x"], "accel.startup": 35, "accel.window": 50}
     )
     of_both = [b'"accel_x"' in line for line in records if b'"class":"estimate"' in line]
-    assert len(of_both) == 2 * 600 - 20  # 2 × 600 samples, minus the gyroscope's start-up window
+    assert len(of_both) == 2 * 600 - 20  # 600 reads of 2 samples, less the gyroscope's start-up window
     assert of_both.count(False) == 2 * 120 + 35 - 20
 
 

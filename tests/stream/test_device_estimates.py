@@ -117,7 +117,7 @@ def test_both_differ_by_nothing_in_double_precision(stated: wire.Estimator) -> N
         assert [a.age for a in e.axes.values()] == [e.seq - STARTUP + 1] * 3
         for a in e.axes.values():
             differences = (a.alpha_difference, a.f_difference, a.state_difference)
-            # the mean of the start-up window may differ in its last bit, so the estimates do, too
+            # the device's and the host's mean of the start-up window may differ in the last bit
             assert differences == pytest.approx((0, 0, 0), abs=1e-12)
     epoch = of(Epoch, records)[0].estimator
     assert (epoch.estimate_on, epoch.variant, epoch.window) == ("both", compared[0].variant, 0)
@@ -211,9 +211,9 @@ def test_a_device_that_restarts_begins_anew(who: str) -> None:
 
 @pytest.mark.parametrize("known", [True, False])
 def test_after_another_start_of_the_sensor_both_begin_with_the_settings_of_the_device(known: bool) -> None:
-    """The device does not have to repeat its settings.
+    """The device states its settings once, and does not have to repeat them when its sensor is started again.
 
-    If the device never states its settings, the host uses its own settings and compares nothing.
+    If the device has not stated any settings, the host uses its own settings and compares nothing.
     """
     again = WIRE_HELLO._replace(sensor_starts=2)
     first = list(Board().run(noise(100)))
@@ -247,8 +247,8 @@ def told_late() -> list[Sent]:
 
 
 def heard_late() -> list[Sent]:
-    """The device was already running when the host connected. So the start-up windows, from which each of the
-    two computes the first bias, contain different samples.
+    """The device was already running when the host connected. Device and host compute the first bias from
+    their start-up windows, and these contain different samples.
     """
     return [one for one in Board().run(noise(400)) if one.instant >= 150]
 

@@ -139,8 +139,8 @@ def test_mqtt_has_a_topic_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_mqtt_publishes_of_a_device_that_sends_few_as_many(monkeypatch: pytest.MonkeyPatch) -> None:
-    """MQTT publishes a device's estimates at the same rate, no matter how few samples have estimates by the
-    device.
+    """This device estimates only every fifth sample. MQTT publishes its estimates at the same rate as those
+    of a device that estimates every sample.
     """
     b = make_bench(monkeypatch)(estimate_every=10)
     b.write(*(msgspec.structs.replace(BESIDE, seq=seq) for seq in range(503, 560, 5)))

@@ -104,7 +104,7 @@ def test_a_fit_is_told_at_once_and_with_its_bins_again() -> None:
 
 def test_bins_are_fitted_here_too() -> None:
     board = board_of()
-    # A relaxation has α = 1, whatever its scale.
+    # The spectrum of a relaxation in white noise. A relaxation is a noise of order α = 1.
     hz = np.geomspace(0.05, 49, 60)
     power = 0.3 + 40 / (1.0 + (hz / 0.6) ** 2)
     bins = np.column_stack([hz, np.maximum(2, hz * 40), power])
@@ -113,8 +113,8 @@ def test_bins_are_fitted_here_too() -> None:
         sent.append(wire.Spectrum(wire.Axis.GYRO_Y, 1, first, 60, *bins[first : first + 5].ravel().tolist()))
     _, again = details(sent, fits=board)
     assert again.axes["gyro_y"].alpha_of_bins == pytest.approx(1.0, abs=0.15)
-    # Two bins of the spectrum may have the same frequency, one from each of two runs of samples between gaps.
-    # They are merged only for the fit that the host makes of the bins.
+    # If the board's record has gaps, two bins may have the same frequency. The host cannot fit such bins, so
+    # it publishes the spectrum without `alpha_of_bins`.
     twice = [
         message._replace(frequency_1=message.frequency_0) if i == 3 else message
         for i, message in enumerate(sent)

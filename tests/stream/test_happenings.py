@@ -76,7 +76,7 @@ def test_a_step_and_motion_are_told_with_time_and_size() -> None:
     assert {1, 10} <= set(stats.checked)
     last_fit = of(Fit, pipeline.finish())[-1].axes
     assert last_fit["gyro_x"].breaks["motions"] == 2
-    # the y axis has one break more than the x axis, since the step counts, too
+    # on the y axis, the step of the bias is counted in `motions` as well
     assert last_fit["gyro_y"].breaks["motions"] == 3
     assert [one.verdict for one in last_fit.values()] == ["white"] * 3
 

@@ -146,7 +146,8 @@ def test_the_fits_that_settle_are_the_same_whether_or_not_there_are_others(
     """The fits that the filters use come at the same samples, whether or not further fits are made between
     them.
 
-    Several times, 70 samples are lost. The fitted record may have begun long before the last restart.
+    After each number in `breaks`, 70 samples are lost. `before`: number of samples that the fitted record
+    already has from before the last restart.
     """
 
     def accepted(*, every: bool) -> list[int]:
@@ -197,7 +198,7 @@ def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:
 
 def test_a_last_fit_that_had_its_curves_is_not_said_twice() -> None:
     items, pipeline = run_pipeline([hello(), raw(range(100))])
-    assert not of(Fit, items)  # no `Fit` record yet: the fits of two axes have not been yielded
+    assert not of(Fit, items)  # the fit of these samples is yielded only 50 samples later
     assert [type(item) for item in pipeline.finish()] == [Fit, Stats]
 
 

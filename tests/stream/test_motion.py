@@ -20,7 +20,8 @@ from tests.rig.host_support import hello
 LSB_DPS, SIGMA, OFFSET = 1 / 16.4, 6.0, 20.0
 REST, MOVES, END = 4000, 6000, 8000
 """Sample numbers at 100 Hz: the sensor rests before REST, moves until MOVES, and rests until END. The motion
-is longer than eight chunks of 128 samples, after which a new level of the noise would be accepted.
+lasts longer than eight chunks of 128 samples. Eight disturbed chunks that are not recognised as motion would
+be accepted as a new power of the noise.
 """
 
 

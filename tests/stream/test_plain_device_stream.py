@@ -194,8 +194,8 @@ def of_first_epoch(records: list[AnyRecord], *, begins: int) -> dict[int, dict[s
     """Return the estimates of one epoch (a run with one numbering), by the 16-bit numbers of their samples on
     the wire.
 
-    The estimates end where the next epoch begins. `begins`: 1 if `records` include the beginning of the epoch
-    itself, otherwise 0.
+    The estimates end where the next epoch begins. `begins`: 1 if `records` contain the record `Epoch` with
+    which the epoch begins, 0 if they start later.
     """
     found = {}
     for record in records:
@@ -232,8 +232,8 @@ def check_snapshot(
 
 @pytest.mark.parametrize("examples", [30, long(400)])
 def test_a_snapshot_at_any_sample_goes_on_as_the_oracle_and_as_if_nothing_had_been(examples: int) -> None:
-    """The filters' estimates continue from a snapshot at any sample, and so do the biases, with the whole
-    state of the tracker.
+    """A run that resumes from a snapshot at any sample gives the same estimates and biases as an
+    uninterrupted run: filters and tracker continue with their saved state.
 
     Only the clock fit, which gives host times, begins anew.
     """
@@ -259,7 +259,7 @@ def test_a_snapshot_at_any_sample_goes_on_as_the_oracle_and_as_if_nothing_had_be
 
 QUICK = ("longest gap", "date", "boot")
 USUAL = ("odd gap", "no accelerometer", "knock", "turn")
-"""The incidents that are tested in the first and in the second tier of the tests."""
+"""QUICK: incidents that are tested in the first tier of the tests. USUAL: those of the second tier."""
 
 
 @pytest.mark.parametrize(("k", "amount"), [(0, 0.02), slow(1, 0.4), slow(2, 0.6), (3, 0.98)])

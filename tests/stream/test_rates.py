@@ -25,7 +25,7 @@ S = 1_000_000_000
 
 
 def events(rate_hz: int, *, gap: bool) -> Iterator[Event]:
-    """Return LASTS_S seconds of noise. With `gap`, LOST_S seconds of these samples are missing."""
+    """Return LASTS_S seconds of noise. With `gap`, samples between the two times LOST_S are missing."""
     source = SyntheticSource(f"?rate_hz={rate_hz}&n={LASTS_S * rate_hz}&alpha=0.5&f=-3", realtime=False)
     for event in source.events():
         if not gap or not isinstance(event, RawBlock):

@@ -1,5 +1,5 @@
-"""The sequence tracker: losses are counted across all wraps of the counters, and a break of time is always
-detected.
+"""Tests the sequence tracker. It counts lost samples although the counters of the wire protocol wrap, and it
+detects every sample whose time does not continue that of the samples before.
 """
 
 from itertools import accumulate, pairwise
@@ -66,7 +66,7 @@ def test_delivered_and_lost_are_all_that_were_due(device: Device, indices: list[
     for before, k, jitter_us in zip([None, *indices], indices, jitters, strict=False):
         placed = track_one(decoder, device.sample(k, jitter_us))
         assert placed is not None
-        # the unwrapped number and time begin with the values that the first sample has on the wire
+        # number and time of `placed` never wrap; they begin with the first sample's values on the wire
         assert placed.seq - device.first_sequence == k
         assert placed.device_us - first_us % 2**32 == device.true_us(k, jitter_us) - first_us
         assert placed.missing == (0 if before is None else k - before - 1)
@@ -115,7 +115,7 @@ def test_only_a_hello_that_tells_something_is_news():
 
 
 BOOT, SENSOR, DOWN = {"boot_id": 8}, {"sensor_starts": 2}, None
-"""Events between samples: a HELLO with these changes, or None for the end of the connection."""
+"""Events between samples: fields that a HELLO states anew, or None for the end of the connection."""
 
 EARLY = Device(first_us=10**6)
 """A device whose clock starts earlier than the default device's clock."""
@@ -248,8 +248,9 @@ def test_reset_never_goes_on_in_the_same_epoch(k_before: int, k_after: int):
 )
 @settings(max_examples=300)
 def test_time_that_disagrees_with_the_sequence_is_not_believed(device: Device, step: int, off_us: int):
-    """A sample is rejected if its device time differs from the time by the sequence number by more than 2 %
-    plus one period, for any number of wraps.
+    """A sample's device time is compared with the time that follows from its sequence number. Since the
+    number wraps, several times are possible. The sample is rejected if its time differs from each of them by
+    more than 2 % plus one period.
     """
     decoder = heard(max_gap=50)
     track_one(decoder, device.sample(0))
@@ -277,7 +278,7 @@ class Happening(NamedTuple):
 
 
 def device_stream(device: Device, happenings: list[Happening]) -> list[RawSample | str]:
-    """Return a device's samples with these changes, and the other events between the samples."""
+    """Return a device's samples, one for each of `happenings`, and the events between the samples."""
     stream: list[RawSample | str] = []
     k, late_ns, sequence, device_us = 0, 0, device.first_sequence, device.first_us
     for step, jitter_us, more_ns, what in happenings:

@@ -64,7 +64,7 @@ def test_clock_and_times_are_recovered_from_bursts(ppm: float) -> None:
     jitter_ms = (arrivals_s - true_s)[accepted] * 1e3
     residual_ms = (times_s - true_s)[accepted] * 1e3
     # Measured: the arrivals are late by 77 ms rms and up to 497 ms. The times of the clock fit have errors of
-    # 0.03 ms, or of 0.3 ms at 9000 ppm.
+    # 0.03 ms, or of 0.3 ms if the device's clock is wrong by 9000 ppm.
     assert np.sqrt(np.mean(jitter_ms**2)) > 50
     assert np.sqrt(np.mean(residual_ms**2)) < (0.1 if abs(ppm) < 100 else 0.5)
     assert residual_ms.std() < 0.1
@@ -156,7 +156,8 @@ def test_bursts_of_a_real_recording(recordings: Path) -> None:
     low_ms, high_ms = np.percentile(steps_ms, [1, 99])
     assert (low_ms, high_ms) == pytest.approx((10.07, 10.07), abs=0.05)
     assert steps_ms.min() > 5
-    # measured: the steps are 7.6 to 16.7 ms, extreme at samples where a new clock fit changes the times
+    # Measured: neighbouring times differ by 7.6 to 16.7 ms. The smallest and largest differences are where a
+    # new clock fit changes the times.
     assert steps_ms.max() < 20
 
 
@@ -189,7 +190,7 @@ def test_blocks_of_any_cut_have_the_times_of_one_by_one(
 
 def test_more_than_is_kept_has_the_times_of_one_by_one() -> None:
     """The run has more samples than the clock fit keeps, and more than its buffer holds. The times still
-    equal those of the oracle in one_by_one.
+    equal those of the oracle `TimeOneByOne`, a simpler program that processes one sample at a time.
     """
     rng = np.random.default_rng(3)
     seq = np.arange(14_000)

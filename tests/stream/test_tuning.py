@@ -50,12 +50,12 @@ def test_s2_and_r_are_handed_over_to_three_digits() -> None:
     """A fit gives the filters the variances s2 (of what drives the state) and R (of the white noise), rounded
     to three digits, and its order.
 
-    The standard deviations of the order's figures come from the wider side of each interval.
+    It also gives α, f and F with standard deviations, computed from the wider side of each 95 % interval.
     """
     filter_model = FilterModel(0.8, 0.102, 0.775, 0.0383, -1.0, 0.765)
     assert handed_over(KNOWN, None) == (Variances(0.01, 0.02), filter_model)
-    # Wide intervals of the variances s2 (of what drives the state) and R (of the white noise) do no harm. The
-    # samples hardly distinguish more white noise with less state noise from the reverse.
+    # Wide intervals of s2 and R do no harm. They are usual, since a smaller state in more white noise has
+    # nearly the same spectrum.
     open_ = with_(s2=Interval(0.01, 0.001, 0.1), R=Interval(0.02, 0.0, None))
     assert handed_over(open_, None) == (Variances(0.01, 0.02), filter_model)
     assert handed_over(with_(R=Interval(0.0, 0.0, 0.01)), None) == (Variances(0.01, 1e-5), filter_model)
