@@ -144,7 +144,7 @@ def test_columns_are_plain_arrays_of_their_own(n: int) -> None:
     types = ["int64", "int64", "int16", "int16", "int16", "int64", "int64"]
     for (name, column), type in zip(columns._asdict().items(), types, strict=True):
         assert (column.dtype, column.shape) == (np.dtype(type), shapes.get(name, (n,)))
-        assert column.flags.carray  # `carray` says that the array is contiguous, aligned and writable
+        assert column.flags.carray  # `carray`: the column is contiguous in memory, aligned and writable
     assert columns.sequence.tolist() == list(range(n))
     assert columns.device_us.tolist() == list(range(0, 10 * n, 10))
     assert columns.gyro.tolist() == [[12, -7, 3]] * n
@@ -169,8 +169,8 @@ def damaged(frame: bytes, pattern: int, start: int) -> bytes:
 
 def must_be_rejected(frame: bytes, pattern: int, start: int) -> None:
     hurt = damaged(frame, pattern, start)
-    # The 0x00 in front makes the damaged frame a whole one, so it does not count as "partial". The 0x00
-    # behind ends the frame if the frame's own closing 0x00 is damaged.
+    # After the first 0x00, the reader sees the damaged frame from its beginning, so it is not "partial". The
+    # other 0x00 ends the frame, in case the frame's own closing 0x00 is damaged.
     found = FrameReader().feed(b"\0" + hurt + b"\0" + NEXT)
     assert [item.sequence for item in found if isinstance(item, Frame)] == [99], (hurt.hex(), pattern, start)
     assert len(found) == 1
@@ -178,10 +178,10 @@ def must_be_rejected(frame: bytes, pattern: int, start: int) -> None:
 
 @pytest.mark.parametrize("message", [SAMPLE, SAMPLE._replace(gyro_x=0, accel_x=0), HELLO])
 def test_bursts_are_rejected(message: wire.Message) -> None:
-    """Every start and length of a burst of errors is tried.
+    """Bursts of errors of each length up to 32 bits are tried, at every bit before the closing 0x00.
 
-    In a burst of errors, three sets of bits are wrong: all bits, only the first and the last, or these and
-    random ones in between.
+    Each burst is tried three times. The wrong bits are all bits of the burst, then only the first and the
+    last, then these two and random ones in between.
     """
     # A UART sends bits 0 to 7 of a byte in this order, so a burst on the wire concerns successive bits. A
     # burst that begins before the closing 0x00 may reach into the next frame. Bursts in the 0x00 alone are

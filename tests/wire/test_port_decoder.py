@@ -30,7 +30,7 @@ def test_columns_are_plain_arrays_of_their_own(n: int) -> None:
     shapes = [(n,), (n,), (n,), (n, 3), (n, 3), (n,), (n,)]
     for column, type, shape in zip(columns, types, shapes, strict=True):
         assert (column.dtype, column.shape) == (np.dtype(type), shape)
-        assert column.flags.carray  # `carray` says that the array is contiguous, aligned and writable
+        assert column.flags.carray  # `carray`: the column is contiguous in memory, aligned and writable
     sequence, device_us, host_ns, gyro, accel, temperature, flags = columns
     assert sequence.tolist() == list(range(n))
     assert device_us.tolist() == list(range(0, 10 * n, 10))

@@ -160,8 +160,8 @@ def test_one_that_floods_loses_nothing_and_holds_up_nobody(terminals, loop_of) -
             for _ in range(100):
                 flood += os.write(many[1].master, bytes(1000))
         many[k % 2 * 2].send(b"x")
-        # Bytes written to a terminal may arrive a moment later, so several rounds may be needed. Reading
-        # everything that the full terminal holds would take 16.
+        # Bytes written to a terminal may arrive a moment later. Until the "x" arrives, at most eight reads of
+        # the flooded port are allowed. Reading everything in its full buffer would take 16 reads.
         floods = 0
         while len(loop.data(0)) + len(loop.data(2)) <= k:
             before = len(loop.heard[1])
@@ -230,7 +230,7 @@ def test_sockets_and_their_loss(loop_of) -> None:
             peer.sendall(b"%d" % k * 1000)
         loop.until(lambda: len(loop.data(0)) == len(loop.data(1)) == 1000, "both")
         assert {loop.data(0)[:1], loop.data(1)[:1]} == {b"0", b"1"}
-        dead = int(loop.data(1)[:1] == b"0")  # index of the port whose other side is peers[0]
+        dead = int(loop.data(1)[:1] == b"0")  # index of the port that is connected to peers[0]
         peers[0].sendall(b"last words")
         peers[0].close()
         loop.until(lambda: loop.kinds(dead)[-1] == "unplugged", "the loss")

@@ -89,7 +89,7 @@ def test_any_exception_of_a_driver_becomes_an_event(monkeypatch, readers) -> Non
 
 
 def test_bytes_that_were_read_before_an_exception_are_handed_on(monkeypatch, readers) -> None:
-    """The port fails between the read of one byte and that of the bytes that wait behind it."""
+    """The port fails after one byte was read, when it is asked how many more bytes are waiting."""
     kind = type(serial.serial_for_url("loop://"))
     given = iter([b"\x00"])
     monkeypatch.setattr(kind, "read", lambda port, size=1: next(given, None) or broken())
