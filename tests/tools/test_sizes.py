@@ -50,12 +50,12 @@ def functions(text: str) -> Iterator[tuple[str, int]]:
 
 
 def cxx_functions(text: str) -> Iterator[tuple[str, int]]:
-    """Yield the name and the number of lines of each function in C++ code. Without a name in the last line of
-    its head, yield the beginning of this line instead.
+    """Yield the name and the number of lines of each function in C++ code.
 
-    The code is formatted by clang-format: a head ends in `{`, and the next `}` that is indented like the
-    head's first line ends the function. If a head has several lines, the function is counted from the last of
-    them.
+    The code is formatted by clang-format: a function's head ends in `{`, and the next `}` that is indented
+    like the head's first line ends the function. If the head has several lines, only the last of them is
+    counted, and only there the name is looked for. If there is no name, the beginning of this line is
+    yielded.
     """
     head, begin = "", -1
     indent: str | None = None
@@ -75,8 +75,9 @@ def cxx_functions(text: str) -> Iterator[tuple[str, int]]:
 
 
 def _indent_of_head(lines: list[str], last: int) -> str:
-    """Return the indentation of the first line of the head of a function or class, which ends with the line
-    of index `last`.
+    """Return the indentation of the first line of a head (the lines of a function or class before its body).
+
+    `last`: index of the last line of the head.
     """
     first, closed = last, _closed(lines[last])
     while closed > 0 and first > 0:

@@ -19,7 +19,7 @@ CALLED_BY_LIBRARIES = {
     "handle_error": "socketserver",
     "emit": "logging",
 }
-"""Functions that only a library calls, and which."""
+"""Functions that only a library calls, each with the name of the library."""
 
 SUFFIXES = {".py", ".j2", ".toml", ".cpp", ".hpp", ".md", ".ipynb", ".html", ".sh"}
 
@@ -41,7 +41,8 @@ def is_registered(definition: ast.FunctionDef | ast.ClassDef) -> bool:
 def test_every_function_and_class_is_used(folder: str) -> None:
     texts = programs()
     words = Counter(word for text in texts.values() for word in re.findall(r"\w+", text))
-    # some functions of tools only tests use, such as faults of the emulated board, so their words count
+    # Only tests use some functions of the tools, such as faults of the emulated board. So for the tools, the
+    # words of the tests count as well.
     if folder == "tools":
         tests = (file.read_text(encoding="utf-8") for file in (ROOT / "tests").rglob("*.py"))
         words.update(word for text in tests for word in re.findall(r"\w+", text))
