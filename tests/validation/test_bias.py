@@ -71,8 +71,8 @@ def test_a_part_goes_on_where_it_stopped(name: str, cut: int) -> None:
 
 @pytest.mark.parametrize("name", ["white", "EMA (.2)", "CIC", "DLPF"])
 def test_filters_keep_the_density(name: str) -> None:
-    """A filter in the sensor keeps the density of white noise, so the mean over five seconds has the variance
-    σ²/500.
+    """A filter in the sensor does not change the density of white noise at low frequencies. So a mean of 500
+    samples has the variance σ²/500, where σ² is the variance of a sample before the filter.
 
     From 400 such means the standard deviation is estimated with a standard error of 3.5 %.
     """
@@ -218,7 +218,7 @@ def test_the_live_way_fits_as_the_record_grows(monkeypatch: pytest.MonkeyPatch) 
     sensor.run(drawn(lanes("test", "walk, 0.002 a sample", range(3)), 4_000)[0])
     assert times[:12] == [*range(100, 1_101, 100), 1_210]
     assert times[12] == 1_210 + 121
-    # no axis has the model "walks", which trackers have before the first fit
+    # every tracker has got a model from a fit; before the first fit, its model is called "walks"
     assert "walks" not in {figures.model for _, figures in sensor._tracks.stats()}
 
 

@@ -44,7 +44,7 @@ def drawn_kinds() -> set[type[p.Part]]:
 
 @pytest.mark.parametrize("name", POPULATIONS)
 def test_each_population_is_on_the_page_of_the_coverage(name: str) -> None:
-    """A population has a row in the table of N, or a line that says how many records were counted."""
+    """The page has a row for each population in the table of N, or a line with the number of its records."""
     page = "host/docs/evaluation/coverage.md"
     text = (ROOT / page).read_text(encoding="utf-8")
     is_there = re.search(
@@ -101,7 +101,7 @@ def test_coverage_has_its_error() -> None:
 
 
 def test_true_figures() -> None:
-    """White noise of R = 4 at 100 Hz has N = 0.2.
+    """White noise with the variance R = 4 at 100 Hz has N = √(4 / 100 Hz) = 0.2.
 
     The Allan deviation of white noise falls with the square root of the averaging time.
     """

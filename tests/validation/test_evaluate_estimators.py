@@ -80,7 +80,9 @@ CLEAR = Case(0.8, -1.0, 3.0)
 
 @pytest.mark.parametrize("name", list(TUNED))
 def test_the_filters_go_on_with_what_they_are_told(name: str) -> None:
-    """A tuning without values leaves the filter's settings unchanged; a tuning with values replaces them."""
+    """A tuning (new Q and R for a running filter) replaces these settings of the filter. It changes nothing
+    if it has no values, or comes within the start-up window.
+    """
     config, y = TUNED[name], samples(CLEAR, 2, 1_000)
     nothing, handed = np.full(2, np.nan), (np.full(2, 0.01), np.full(2, 0.004))
     (plain,) = read(y, H, config, (1_000,))
@@ -97,8 +99,9 @@ def test_the_filters_go_on_with_what_they_are_told(name: str) -> None:
 
 
 def test_only_what_is_known_is_handed_over() -> None:
-    """If a fit used ten minutes of samples, its variances s2 (of what drives the state) and R (of the white
-    noise) are handed over to the filters. From half a minute, or from white noise, they are not.
+    """The last fit, of more than two minutes of samples, hands its variances over to the filters: s2 (of what
+    drives the state) and R (of the white noise). The first fit, of six seconds, hands over nothing. A fit of
+    white noise hands over both variances or none.
     """
     handed = tunings(samples(CLEAR, 2, 20_000), H, 20_001)
     assert np.isnan(handed[0].Q).all()
@@ -138,8 +141,8 @@ def test_up_to_three_thousand_samples_live_is_the_whole_record() -> None:
     y = samples(STRONG, 3, 3_000)
     truth = truths(STRONG)
     (live,), whole = live_readings(y, H, (3_000,), truth), whole_reading(y, H, truth)
-    # The ordinates of the spectrum from the tenth on show f only to a factor of two, so the two fits may
-    # differ by a fifth of f.
+    # f shows mainly in the lowest ordinates (frequencies) of the spectrum: those from the tenth on give it
+    # only to a factor of two. So the two fits may differ by a fifth of f.
     for name, most in (("alpha", 0.03), ("F", 0.03), ("s2", 0.1), ("f", 0.25)):
         np.testing.assert_allclose(live.estimates[name], whole.estimates[name], rtol=most, atol=1e-3)
     for name in QUANTITIES:

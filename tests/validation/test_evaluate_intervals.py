@@ -1,5 +1,5 @@
-"""The evaluation counts in how many of many series the interval contains the true value. This count is
-tested, and the evaluation's reference method on short series.
+"""Tests how the evaluation counts intervals that contain the true value, over many simulated series. Also
+tests its reference method, the fit by the exact likelihood, on short series.
 """
 
 import numpy as np
@@ -68,9 +68,10 @@ def test_mixtures_are_not_called_fractional() -> None:
 
 @pytest.mark.slow
 def test_three_answers_to_the_same_series() -> None:
-    """For noise whose samples depend only weakly on each other, the three methods have similar errors.
+    """Each series is fitted by the exact likelihood, by Whittle's likelihood of the whole record, and live.
 
-    Whittle's likelihood is right for such noise.
+    The errors are similar, since Whittle's likelihood is right for noise whose samples depend only weakly on
+    each other.
     """
     case = Case(0.8, -10.0, 30.0)
     (found,) = judge(case, 4, 600)

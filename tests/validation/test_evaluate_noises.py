@@ -1,5 +1,5 @@
-"""The simulated noises of `make validate ARGS=evaluate` are stationary, with the stated power and proportions
-of their components, or they change during a run.
+"""Tests the simulated noises of `make validate ARGS=evaluate`. Most of them are stationary, with the stated
+power and proportions of their components. The others change in the middle of a run.
 """
 
 import numpy as np
@@ -52,7 +52,8 @@ def test_samples_have_the_spectrum_from_the_first_on(case: Case) -> None:
         expected = noise.s2 * spectrum.fractional(power.lam, case.alpha, noise.g) + noise.R
     else:
         expected = np.full(len(power.lam), POWER)
-    # each mean is taken over 80 frequencies of 60 series: 4,800 exponentially distributed values
+    # Each mean is over 4,800 ratios of a power to the expected power: 80 frequencies of 60 series. The ratios
+    # are exponentially distributed.
     for low in range(0, 480, 80):
         assert (power.power / expected)[:, low : low + 80].mean() == pytest.approx(1, abs=0.08)
     first, last = (y[part].var() for part in (slice(0, 300), slice(-300, None)))
@@ -98,8 +99,8 @@ def test_three_time_constants_later_the_truth_is_back(
 @pytest.mark.slow
 @pytest.mark.parametrize("shift", SHIFTS, ids=lambda shift: shift.name)
 def test_without_forgetting_the_verdict_says_it(shift: Shift, found: dict[tuple[str, bool], Row]) -> None:
-    """Without forgetting, the verdict reports that the noise has shifted ("not stationary"). A change that
-    ends with the same noise as before does not spoil the fit.
+    """The fit does not forget old samples here. If the noise has changed, the verdict is "not stationary". If
+    the noise is as before and only a disturbance was added, the fit stays right.
     """
     score = found[shift.name, False]
     assert score["verdicts"].get("not stationary", 0) == (0 if shift.stationary else SEEDS)

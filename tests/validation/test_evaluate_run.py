@@ -1,4 +1,4 @@
-"""The plans of `evaluate`, their order, and the tables that are made from the rows."""
+"""Tests the plan of the evaluation (what is evaluated), the order of its tasks, and its tables."""
 
 from typing import Any
 
@@ -172,10 +172,11 @@ def test_tables_and_conclusion(tiny: list[Row]) -> None:
     ]
     triple = next(row for row in tiny if row["alpha"] is None and row["estimator"] == "triple")
     assert cell(tables, "White noise", "triple", "1,000")[2] == f"{triple['beyond_zero']:.0%}"
-    # The ratio is left out ("–"), since four series are too few for it.
+    # The ratio of the live fit's error to that of the whole record's fit is left out ("–"): four series are
+    # too few for it.
     assert cell(tables, "Live over the whole record", "30", "1,000")[:2] == ["0 of 1", "–"]
-    # The table adds the counts of two parts of a plan: of 1,000 intervals, 40 are undefined, and 95 % contain
-    # the true value.
+    # The table adds the counts of two made-up results, of 600 and of 400 intervals. Of the 1,000 intervals,
+    # 40 are undefined, and 95 % contain the true value.
     (held,) = tables["Intervals, noise by noise"].rows
     assert held[:3] == ("any", "3,000", "1,000")
     assert held[3] == f"95.0% (93…96), 4% undefined, else {910 / 960:.1%}"
@@ -184,7 +185,7 @@ def test_tables_and_conclusion(tiny: list[Row]) -> None:
     assert isinstance(words, str)
     assert words.startswith("After 1,500 samples")
     assert "Where x has at least 90% of the power joint is right in" in words
-    # the sentence with these words is about noises that the small plan of this test does not have
+    # "Where x has less than 90% of the power" is left out: no noise of this test's small plan is of this kind
     assert "less than" not in words
 
 

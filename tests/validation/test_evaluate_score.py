@@ -61,8 +61,9 @@ CASES = [(0.3, -0.4, 2.0, 0.5), (0.6, -0.19, 1.0, 3.0), (0.8, -0.025, 0.03, 1.0)
 @settings(max_examples=25)
 @given(phi=st.floats(-0.95, 0.95))
 def test_ar1(phi: float) -> None:
-    """The state of order α = 1 with g = h^α f = φ - 1 is an autoregression AR(1) with coefficient φ and steps
-    of variance s2. For n samples, its Cramér–Rao bounds are known: var φ = (1 - φ²)/n and var log s2 = 2/n.
+    """For α = 1, the state is an autoregression AR(1) with coefficient φ = 1 + g and steps of variance s2,
+    where g = h^α f and h is the sampling period. For n samples, its Cramér–Rao bounds are known:
+    var φ = (1 - φ²)/n and var log s2 = 2/n.
     """
     information = fisher(1.0, phi - 1, 2.5, 0.0, N)
     assert information[1, 1] == pytest.approx(N / (1 - phi**2), rel=1e-6)
@@ -72,15 +73,17 @@ def test_ar1(phi: float) -> None:
 
 @pytest.mark.parametrize("d", [0.05, 0.3, 0.45])
 def test_fractional_noise(d: float) -> None:
-    """An order with g = 0 is ARFIMA(0, d, 0) with d = α. For n samples, the bound of the variance of d is
-    6/(π² n).
+    """For f = 0, noise of order α is ARFIMA(0, d, 0) with d = α. The Cramér–Rao bound of d is known: from n
+    samples, the variance of an estimate of d is at least 6/(π² n).
     """
     assert fisher(d, 0.0, 1.0, 0.0, N)[0, 0] == pytest.approx(N * math.pi**2 / 6, rel=1e-6)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_total_power_is_known_to_two_over_n(case: tuple[float, float, float, float]) -> None:
-    """Scaling the variances s2 and R together scales the spectrum."""
+    """A common factor of the variances s2 and R scales the whole spectrum. From n samples, the variance of an
+    estimate of the factor's logarithm is at least 2/n.
+    """
     assert fisher(*case, N)[2:, 2:].sum() == pytest.approx(N / 2, rel=1e-9)
 
 
@@ -124,7 +127,7 @@ def test_bound_of_alpha_and_f_by_differences(case: tuple[float, float, float, fl
     ],
 )
 def test_means_over_the_frequencies(shape: np.ndarray, expected: float) -> None:
-    """The mean over all frequencies is right even for sharp spectra: that of an autoregression AR(1) with a
-    memory of up to 100,000 samples, and one that is infinite at the frequency λ = 0.
+    """The mean of a spectrum over all frequencies is right even if the spectrum is sharp. Examples: that of
+    an autoregression AR(1) with a memory of up to 100,000 samples, and one that is infinite at frequency 0.
     """
     assert mean(shape) == pytest.approx(expected, rel=1e-5)

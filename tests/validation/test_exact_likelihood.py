@@ -1,4 +1,6 @@
-"""The exact likelihood is compared with the probability density and with closed forms."""
+"""Tests the exact likelihood. It has to equal the probability density that is computed from the samples'
+whole covariance matrix, and to agree with closed forms.
+"""
 
 import math
 
@@ -23,8 +25,9 @@ def toeplitz(gamma: Array) -> Array:
 
 
 def multivariate(gamma: Array, y: Array) -> float:
-    """Return the negative logarithm of the normal density of y, computed from the whole covariance matrix, at
-    the mean and scale that fit best.
+    """Return the negative logarithm of the normal density of the samples y, from the whole covariance matrix.
+
+    The mean of the samples, and the scale (factor of the covariances), are those that fit best.
     """
     n, ones = len(y), np.ones(len(y))
     matrix = toeplitz(gamma)
@@ -63,18 +66,19 @@ def test_ar1(phi: float) -> None:
 
 @pytest.mark.parametrize("d", [0.1, 0.3, 0.45])
 def test_fractional_noise(d: float) -> None:
-    """For g = 0 the spectrum of an order has a pole at λ = 0, and the autocovariance γ has a closed form.
+    """For f = 0, the spectrum of noise of order d is infinite at frequency 0. Its autocovariance γ has a
+    closed form.
 
-    With the order d, this form is γ(0) = Γ(1 - 2d)/Γ(1 - d)² and γ(k)/γ(k - 1) = (k - 1 + d)/(k - d) at lag
-    k.
+    At lag 0 it is γ(0) = Γ(1 - 2d)/Γ(1 - d)². At lag k, γ(k)/γ(k - 1) = (k - 1 + d)/(k - d).
     """
     gamma = autocovariance(spectra.fractional(FREQUENCIES, d, 0.0), 2000)
     k = np.arange(1.0, 2000)
     expected = (
         math.gamma(1 - 2 * d) / math.gamma(1 - d) ** 2 * np.cumprod(np.append(1, (k - 1 + d) / (k - d)))
     )
-    # The computation assumes a noise that repeats after a long period. The memory of the true noise is even
-    # longer, which changes the autocovariances at these few lags by the same constant.
+    # The spectrum is used at CIRCLE frequencies, as if the noise repeated after CIRCLE samples. The true
+    # noise has a longer memory. This changes all autocovariances here by the same constant, so it is
+    # subtracted.
     np.testing.assert_allclose(gamma - gamma[0], expected - expected[0], atol=2e-3 * expected[0])
 
 
@@ -95,7 +99,8 @@ def test_lengths(n: int) -> None:
 def test_the_fit_is_a_maximum_and_its_interval_is_where_it_ends(seed: int) -> None:
     """The exact fit to 600 samples is a maximum: no neighbouring parameters have a larger likelihood.
 
-    The interval of the order α contains all orders for which 2 log L is near enough to its maximum.
+    The interval of the order α contains all orders for which 2 log L (L: likelihood) is below its maximum by
+    at most a fixed value.
     """
     case = Case(0.8, -10.0, 30.0)
     series = ExactSeries(samples(case, 2, 600)[:, seed], H)

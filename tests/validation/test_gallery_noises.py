@@ -51,19 +51,19 @@ def test_spectrum(name: str) -> None:
     noise = NOISES[name]._replace(lines=(), drift=None)
     y = noise.draw(SAMPLES, RATE_HZ, np.random.default_rng(5))
     _, power = welch(y, window="hann", nperseg=SEGMENT, scaling="density", fs=2 * np.pi)
-    power *= np.pi  # this scale gives white noise of variance R the power R
+    power *= np.pi  # now white noise of variance R has the power R at each frequency
     lam = 2 * np.pi * np.arange(SEGMENT // 2 + 1) / SEGMENT
     edges = np.unique(np.geomspace(5, SEGMENT // 2 - 3, 9).astype(int))
-    # In Welch's periodogram, the window of a short segment smears steep spectra. Here, a weighted mean over
-    # neighbouring frequencies approximates this.
+    # In Welch's periodogram, the window of a short segment smears steep spectra. So the closed form is
+    # smeared in nearly the same way, by a weighted mean over neighbouring frequencies.
     fine = np.linspace(-1.5, 1.5, 31)
     near = noise.spectrum((lam[5:, np.newaxis] + fine * lam[1]).ravel(), RATE_HZ).reshape(-1, len(fine))
     weight = np.cos(np.pi * fine / 4) ** 8
     smeared = np.concatenate([np.ones(5), near @ weight / weight.sum()])
     for begin, end in itertools.pairwise(edges):
         expected, got = smeared[begin:end].sum(), power[begin:end].sum()
-        # 1 / effective number of ordinates in the band: the power of a band with this number of equal
-        # ordinates would scatter as much as that of this band
+        # `share` is 1 / n with an effective number n of ordinates: the power of a band of n ordinates with
+        # equal means would scatter from record to record as much as the power of this band
         share = (smeared[begin:end] ** 2).sum() / expected**2
         spread = math.sqrt(share / (SAMPLES / SEGMENT * 1.3))
         assert got / expected == pytest.approx(1, abs=5 * spread + 0.03), f"ordinates {begin} to {end}"

@@ -26,18 +26,19 @@ def right(name: str, rate_hz: float = 100.0, seconds: float = 600.0) -> Right:
 
 
 def test_shortfall_is_the_mean_of_the_likelihood_ratio() -> None:
-    """The shortfall of a model is how far its 2 log L is below that of the true spectrum, in the mean over
-    many records.
+    """A model's 2 log L (L: likelihood) is below that of the true spectrum. The mean difference over many
+    records is the model's shortfall.
 
-    The ordinates of these records are drawn: exponential variables, whose mean is the true spectrum.
+    The periodograms of the records are random numbers: exponentially distributed, with the true spectrum as
+    their mean.
     """
     lam = np.pi * (np.arange(400) + 0.5) / 400
     truth, model = 1 + np.cos(lam) ** 2, np.ones((1, 400))
     power = truth * np.random.default_rng(1).exponential(size=(4_000, 400))
-    size = power.mean(axis=1)  # the scale with which the model fits best
+    size = power.mean(axis=1)  # the factor with which the model, a constant, fits best
     ratio = 2 * (400 * np.log(size) + 400 - (np.log(truth) + power / truth).sum(axis=1))
     expected = float(shortfall(Bins(lam, np.ones(400), truth), model)[0])
-    # The model's scale is fitted to each record, which increases its 2 log L by one on average.
+    # The model's factor is fitted to each record. On average, this increases the model's 2 log L by one.
     assert ratio.mean() == pytest.approx(expected - 1, abs=4 * ratio.std() / np.sqrt(4_000))
     assert ratio.std() == pytest.approx(2 * np.sqrt(expected), rel=0.3)
 

@@ -35,8 +35,8 @@ def test_odds_that_come_true_are_on_the_line() -> None:
     """The verdict states odds that a noise has an order, such as 3 : 1. They come true if three in four
     noises with these odds have an order.
 
-    Here the results of a hundred noises of each kind are made up. Each kind is weighted by its proportion in
-    `POPULATIONS`.
+    The results here are made up: a hundred noises of each kind. When noises are counted, each kind has the
+    weight that `POPULATIONS` gives it.
     """
     rows = [row("order", k, 5.0, 2.0) for k in range(100)]
     rows += [row(name, k, 5.0, 2.0) for name in POPULATIONS if name != "order" for k in range(50)]

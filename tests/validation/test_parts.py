@@ -98,9 +98,9 @@ def test_an_axis_looked_at_all_the_while(noise: str, rules: list[str]) -> None:
 
 
 def test_critical_values_rise_with_the_correlation() -> None:
-    """The critical value of 2 log L for an estimate rises with its correlation with a second estimate that
-    cannot be negative. Without correlation, the second estimate does not matter, and the critical value is
-    3.84.
+    """Two estimates are made, and the second (a variance) cannot be negative. The critical value of the
+    likelihood ratio for the first rises with the correlation of the two. Without correlation it is 3.84, as
+    for a single estimate.
     """
     points = {row["rho"]: row["critical"] for row in bound.critical_values()}
     assert points[0.0] == pytest.approx(3.84 + 0.0, abs=0.03)
