@@ -22,7 +22,7 @@ def watch(event, arguments):
 sys.addaudithook(watch)
 main()
 """
-"""A program that runs `fltea`. It is killed when it opens a file while a named temporary file holds data."""
+"""A program that runs `fltea`. It kills itself on opening a file while a temporary file holds data."""
 
 
 @pytest.mark.parametrize("command", ["info", "identify"])

@@ -19,7 +19,10 @@ MAKERS = {"Unusable", "Trouble", "Failed", "Error", "Notice", "Down", "Note"}
 TELLERS = {"_report", "_report_once", "_of_server", "_error", "_tell", "report"}
 """Functions whose first argument is the kind of an error."""
 OF_ANY_PORT = {"no_port", "no_permission", "port_busy", "open_failed"}
-"""Kinds that say why a port cannot be opened. They mean the same for the bus of a Raspberry Pi."""
+"""Kinds of errors for a port that cannot be opened.
+
+The guide about the Raspberry Pi may leave them out, since they mean the same for its I²C bus.
+"""
 
 Function = ast.FunctionDef
 
@@ -61,8 +64,8 @@ def name_of(called: ast.expr) -> str:
 def told(code: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
     """Yield every kind of error that the code reports, and the place (file and line).
 
-    If the code calls a function that returns kind and text, the kinds that this function returns are
-    included.
+    Some functions return the kind and the text of an error. If the code calls such a function, every kind
+    that the function can return is included.
     """
     defined = functions(code)
     for file, tree in code.items():
@@ -75,7 +78,7 @@ def told(code: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
                         yield from ((kind, place) for kind in kinds_in(given[0], defined, place))
                 case ast.Assign(targets=[ast.Tuple([ast.Name("kind"), *_])], value=ast.Call(func=func)):
                     place = f"{file}:{node.lineno}"
-                    # if no function of this name is found, the variable `kind` is not the kind of an error
+                    # if fltea does not define the called function, `kind` is not the kind of an error
                     makers = defined.get(name_of(func), [])
                     yield from ((kind, place) for maker in makers for kind in returned(maker))
 
@@ -90,8 +93,8 @@ def kinds_in(value: ast.expr, defined: dict[str, list[Function]], place: str) ->
             makers = defined.get(name_of(func), [])
             assert makers, f"{place}: nobody defines {name_of(func)}, which gives kind and text"
             return {kind for maker in makers for kind in returned(maker)}
-    # `value` is a variable or an attribute, so the kind is no literal here; it is found where the error is
-    # made
+    # `value` is a variable or an attribute that holds a kind. The search finds that kind where the error is
+    # made.
     return set()
 
 

@@ -67,8 +67,8 @@ def test_it_is_made_and_written_again(append: bool, tmp_path: Path) -> None:
 
 @strange
 def test_lock_and_journal_are_such_files(put: Callable[[Path], None], tmp_path: Path) -> None:
-    """If the name is a link or a pipe, an earlier version emptied the file to which the link leads, or waited
-    for the pipe.
+    """The program refuses a lock or a journal that is a link, a pipe or a folder. It neither empties the file
+    behind the link nor waits for the pipe.
     """
     put(tmp_path / ".state.lock")
     with pytest.raises(UsageError, match=r"\.state\.lock"):

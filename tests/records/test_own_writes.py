@@ -22,7 +22,10 @@ WRITES = {
     "fleet/databases.py": "SQLite, after open_own has checked the file",
     "recording/bag_ros2.py": "SQLite, for reading only",
 }
-"""Files that may open something for writing, with the reason. All others use `whole_file` or `open_own`."""
+"""Source files that may open files for writing by themselves, with the reason.
+
+All other source files call `whole_file` or `open_own`.
+"""
 
 MODE = re.compile(r"[rwaxbtU+]*[wax+][rwaxbtU+]*")
 FLAGS = {"O_WRONLY", "O_RDWR", "O_CREAT", "O_APPEND", "O_TRUNC"}
@@ -48,7 +51,7 @@ def imported(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 
 def test_temporary_files_are_made_in_one_place() -> None:
-    """Other files would stay behind when the program is killed."""
+    """Temporary files that other code makes would stay behind when the program is killed."""
     found = {
         f"{path}:{line}"
         for path, tree in trees().items()

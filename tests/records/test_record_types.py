@@ -72,7 +72,7 @@ def test_a_key_has_one_type_in_all_records() -> None:
 
 
 def absent(of: inspect.Type, key: str = "") -> Iterator[str]:
-    """Yield the keys of a record whose value is either null or an object or list."""
+    """Yield the keys of a record whose value may be null in place of an object or a list."""
     some = [one for one in members(of) if not isinstance(one, inspect.NoneType)]
     for one in some:
         if len(some) < len(members(of)) and kind(one) in ("object", "array"):
@@ -86,7 +86,9 @@ def absent(of: inspect.Type, key: str = "") -> Iterator[str]:
 
 
 def test_objects_that_may_be_absent_are_left_out_of_lines() -> None:
-    """The record `sample` is an exception: in a run, its accelerometer is null in all lines or in none."""
+    """The record `sample` keeps its accelerometer even if it is null, since it is then null in all lines of
+    the run.
+    """
     found = {key for record in CLASSES if record is not Sample for key in absent(inspect.type_info(record))}
     assert found == set(OBJECTS)
     numbers = {

@@ -68,8 +68,8 @@ def test_real_run_emits_only_what_its_structs_say(tmp_path: Path) -> None:
         fltea_here("run", "-s", f"replay:{tmp_path}/rest.csv", "--once", "--samples", *QUICK),
     ]
     found = [record for run in runs for record in strict_records(run.stdout)]
-    # Records of a device that estimates are checked in test_device_estimates_outputs.py and
-    # test_device_fits.py. These samples have neither a step nor a motion.
+    # These runs have no step, no motion, and no device that computes estimates itself. Other tests check the
+    # records of such a device (test_device_estimates_outputs.py, test_device_fits.py).
     elsewhere = {DeviceEstimates, DeviceFits, Step, Motion}
     assert {type(record) for record in found} == set(get_args(AnyRecord)) - elsewhere
     for run in runs:

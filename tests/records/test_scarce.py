@@ -34,7 +34,7 @@ def test_a_command_says_which_limit_is_to_blame(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     def fails() -> None:
-        # a library may catch `error`, and raise another exception because of it
+        # a library may catch `error` and raise an exception of its own, such as this KeyError
         raise KeyError("gyro") from error
 
     monkeypatch.setattr(app, "app", fails)

@@ -73,8 +73,8 @@ def test_no_command_takes_one_nor_repeats_it(option: str, password: str) -> None
     for line in OPTIONS[option][0]:
         for form in OPTIONS[option][1]:
             first, second = (answers(line, form, word) for word in (password, "correct-horse"))
-            # the messages for two passwords are compared, since a single password may equal a word of the
-            # message
+            # Two passwords give the same message, so it contains neither. A search for the password would
+            # mislead, since a password may equal a word of the message.
             assert first == second
             assert first[0] == 2
             assert "must not hold a user or a password" in first[1]

@@ -30,7 +30,9 @@ def test_after_a_failure_all_is_as_it_was(tmp_path: Path) -> None:
 
 
 def test_links_of_strangers_are_not_followed(tmp_path: Path) -> None:
-    """The links have the name of the file, or names that older versions gave temporary files."""
+    """Somebody has put links at the file's name and at names that its temporary file might have. The file
+    behind the links stays unchanged.
+    """
     target = tmp_path / "precious"
     target.write_text("mine")
     shared = tmp_path / "shared"
