@@ -50,24 +50,24 @@ SAID = (
     "trouble",
     "no accelerometer",
 )
-"""Incidents that produce an event of their own. This event ends the current block of samples."""
+"""Incidents that end the current block of samples. Most of them produce an event of their own."""
 ACTS = (
     *SAID,
     "goes on",
     "gap",
-    # "longest gap" loses as many samples as cause no restart with the settings `device_stream_support.SMALL`,
-    # or one more.
+    # "longest gap" loses the most samples after which an epoch goes on (`link.max_gap` in
+    # `device_stream_support.SMALL`), or one more.
     "longest gap",
     "odd gap",  # a gap in which the device's clock drifts, sometimes by more than the program accepts
     "long gap",  # a gap so long that the sequence number wraps at least once
     "twice",
     "reset",  # the board resets, and the HELLO of its new boot is lost
     "jump",  # device time jumps
-    "late",  # the samples arrive later than their times on the host clock
+    "late",  # all later samples arrive up to 100 s earlier or 400 s later
     "silence",  # nothing arrives for about half an hour
     "knock",
     "step",  # the bias steps
-    "turn",  # the whole sensor rotates until the next "turn"
+    "turn",  # the whole sensor begins to rotate, or stops if it rotates already
     "still",  # the sensor's counts never change, or hardly ever
 )
 
@@ -107,8 +107,7 @@ class Device:
     def does(self, acts: Iterable[Act]) -> Iterator[Event]:
         """Play the acts (each is an incident and the samples after it), and yield the events.
 
-        All samples between two events that are not samples form one block, unless the `cuts` of an act split
-        it.
+        All samples up to the next incident of `SAID` form one block, unless the `cuts` of an act split it.
         """
         if self._greets:
             yield self._says()
@@ -177,7 +176,9 @@ class Device:
                 self._noise = 8.0 if self._noise < 1 else 0.25 * (amount > 0.5)
 
     def _announced(self, act: Act) -> Iterator[Event]:
-        """Carry out an act that causes an event, and yield the event."""
+        """If the incident of the act is one that a source may report, such as a new boot, let it happen.
+        Yield the source's event, if there is one.
+        """
         known, amount = self.hello, act.amount
         match act.what:
             case "boot" | "reset":

@@ -66,7 +66,7 @@ class Messages(NamedTuple):
     arrival_ns: Sequence[int] | None = None
     frame: str | Sequence[str] = "imu_link"
     unknown: tuple[str, ...] = ()
-    """The messages' covariances state that these sensors ("gyro" or "accel") are not measured."""
+    """Sensors ("gyro" or "accel") that the messages mark as not measured, by a covariance of -1."""
 
     def rows(self, chosen: Any) -> "Messages":
         """Return the messages at the chosen indices, some of which may occur twice."""
@@ -324,5 +324,5 @@ def gathered(stored: Any) -> NDArray[np.float64]:
 
 
 def told(stored: Any) -> dict[str, str]:
-    """Return the text of each note of a recording, by the note's kind."""
+    """Return the text of each warning (note) about a recording, by the kind of the warning."""
     return {note.kind: note.text for note in stored.notes}

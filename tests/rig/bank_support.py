@@ -27,8 +27,10 @@ COLUMNS = LaneBlock._fields[: LaneBlock._fields.index("lost")]
 
 
 class Walked(NamedTuple):
-    """Results of an estimator for n samples: columns of shape (n, axes) by name, the axes that became
-    invalid, and the final counters.
+    """Results of an estimator for n samples.
+
+    `columns`: outputs after each sample, of shape (n, axes), by name. The fields after `lost` are figures of
+    the whole run, such as how often the filters of each axis restarted.
     """
 
     columns: dict[str, NDArray[np.float64] | NDArray[np.bool_]]
@@ -51,7 +53,7 @@ Gaps = dict[int, int]
 def by_sample(
     y: Array, config: EstimatorConfig, lsb: float | None = None, gaps: Gaps | None = None
 ) -> Walked:
-    """Return the results of the slow reference, which takes one sample after the other."""
+    """Return the results of the oracle, which filters one sample after the other in Python."""
     (n, width), first = y.shape, config.startup_needed
     axes = AXES[:width]
     bias, R, constant = baseline(y[:first], config, lsb)
@@ -166,7 +168,10 @@ def assert_same(found: Walked, expected: Walked) -> None:
 
 
 def assert_close(found: Walked, expected: Walked, tolerance: float = 1e-9) -> None:
-    """Check that two results agree up to the rounding error of the mean of the start-up window."""
+    """Check that two estimators have the same results, except for rounding.
+
+    They may round the mean of the start-up window differently, and this changes all later results a little.
+    """
     np.testing.assert_allclose(found.bias, expected.bias, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(found.R, expected.R, rtol=1e-12)
     assert found.constant == expected.constant

@@ -189,7 +189,7 @@ def track_all(decoder: Decoder, samples: Sequence[RawSample]) -> list[Tracked | 
 
 def track_events(events: Iterable[Event]) -> tuple[SampleStats, list[Decoded]]:
     """Decode all blocks of samples among the events of a source. Return the decoder's final counts of
-    samples, and the pieces into which it has decoded the blocks.
+    samples, and the decoded samples, which it splits at each gap.
     """
     decoder = Decoder(lambda: 0, max_gap=100)
     found = [piece for event in events for piece in of(Decoded, decoder.feed(event))]

@@ -67,8 +67,8 @@ class Figures(NamedTuple):
         return self.gravity_ms2 is other.gravity_ms2 or self.says("accelerometer", "missing")
 
     def says(self, question: str, evidence: str, value: str = "") -> bool:
-        """Return whether the program's answer to a question about the file (such as "unit") cites this
-        evidence.
+        """Return whether the program's answer to a question about the file (such as "unit") rests on this
+        kind of evidence (such as "measured").
 
         The answer's value or reason must also contain the text `value`.
         """
@@ -194,7 +194,7 @@ _NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.:])")
 
 
 def falsified(one: Text) -> Iterator[Case]:
-    """Yield all falsifications of a text file, one fact falsified in each."""
+    """Yield copies of a text file. In each, one fact is wrong or missing, such as a unit or the header."""
     for edit in (_head, _columns, _marks, _clocks, _units, _sensors, _claims):
         yield from edit(one)
 

@@ -41,16 +41,19 @@ ACCEL_MS2 = np.round(0.02 * _random.normal(size=(N, 3)) + [0.1, -0.2, 9.81], 3)
 RADS = np.radians(GYRO_DPS)
 
 Columns = dict[str, Any]
-"""Arrays, and texts or single numbers that the file states beside them, by name. NaN: a value is missing."""
+"""Content of a file by name: arrays, texts and single numbers. NaN stands for a missing value."""
 
 
 class Example(NamedTuple):
-    """How the example of a format is made. The tests also write other columns of the same form by `write`.
+    """How the example file of a format is made. The tests also write other columns by `write`.
 
-    `file`: name of the example. `write`: writes columns to a file, with the library of the format. `columns`:
-    those of the example. `gyro`: one of them, of the gyroscope. `fixed`: why the format cannot hold any other
-    columns; "" if it can. `is_even`: whether its columns always have the same length, with no single numbers
-    beside them. `never_missing`: why no value can be missing in such a file; "" if one can.
+    `file`: name of the example file.
+    `write`: writes columns to a file, with the library of the format.
+    `columns`: columns of the example file.
+    `gyro`: name of one gyroscope column.
+    `fixed`: why the format cannot hold other columns; "" if it can.
+    `is_even`: whether files of the format have columns of the same length only, and no single numbers.
+    `never_missing`: why no value can be missing in such a file; "" if one can.
     """
 
     file: str
@@ -149,7 +152,7 @@ def printed() -> bytes:
 
 
 def records(path: Path, columns: Columns) -> None:
-    """Write JSON: a list of objects, one for each row, or an object of lists if these differ in length."""
+    """Write JSON: one object for each row. Columns that differ in length become lists in one object."""
     lists = {name: listed(values) for name, values in columns.items()}
     rows = rows_of(columns) if len({np.shape(values) for values in columns.values()}) == 1 else []
     content = [dict(zip(columns, row, strict=True)) for row in rows] or lists

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 
 class Work(NamedTuple):
-    """Work of a function. `calls`: calls of functions, and returns. `made_bytes`: memory that was filled.
+    """Work of a function. `calls`: number of calls and returns. `made_bytes`: memory that was filled [bytes].
 
-    What a library does in one call without memory of Python or numpy is not counted.
+    What a library does within one call is counted only if it takes memory from Python or numpy.
     """
 
     calls: int
@@ -19,8 +19,8 @@ class Work(NamedTuple):
 def work_of(function: Callable[[], object]) -> Work:
     """Run a function and count its work.
 
-    Between two calls, the memory in use rises to a peak. The sum of these rises is at least what was copied,
-    even if each copy replaces the one before.
+    The memory in use is read at each call and return. Between two readings it rises to a peak. `made_bytes`
+    is the sum of these rises, so each copy of data counts, even if it replaces an earlier copy.
     """
     calls = made_bytes = before = 0
 

@@ -147,7 +147,8 @@ class Reader:
 def alone(found: Iterable[AnyRecord], every: int = 10, late: int = 0, **own: Any) -> list[AnyRecord]:
     """Return the records with the host's estimates replaced by estimates that the device computed.
 
-    One sample in `every` has an estimate. The estimate comes `late` samples after its sample.
+    Only samples whose number is a multiple of `every` have an estimate. It comes `late` samples after its
+    sample.
     """
     made: list[AnyRecord] = []
     waiting: list[Estimate] = []

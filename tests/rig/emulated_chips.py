@@ -17,20 +17,28 @@ from tools.due_emulator.mpu9250 import Mpu9250
 
 # Why more than 12 attributes: each is a fact from a chip's data sheet, typed by hand.
 class Emulated(NamedTuple):
-    """An emulated kind of chip with facts about it. They are those of the same names in `sources.i2c.chip`.
+    """An emulated kind of chip with facts about it.
 
-    `model`: makes the chip, given its surroundings and `options`. `period_ms`: sampling period.
-    `clock_error`: largest relative error of the sampling rate. `banks`: register that selects the bank of
-    registers, and the bit at which the bank's number begins there; None if the chip has no banks. `holds`:
-    number of samples that fit into the chip's FIFO. `keeps_oldest`: whether an overflow leaves the oldest
-    samples whole. `at_25_c`, `counts_a_c`: counts of the chip's thermometer at 25 °C, and counts per °C.
-    `gyro_ends`: lowest and highest count of the gyroscope. `header`: value of the first byte of a sample in
-    the FIFO, and mask of its bits that matter; None if samples have no header. `reset_ms`: longest time after
-    which a chip that was reset takes settings. `gyro_start_ms`: time that the gyroscope needs after it was
-    switched on. `kept`: values of all registers that have to be set, once the chip is set up, also of those
-    whose value after a reset is right. `unnoticed`: those of them whose loss the driver need not notice,
-    since they do not change the samples, or since samples then stop. In all others it has to notice a change
-    of the bit `lost_bit`.
+    The fields of gyroscope and accelerometer that are not listed here are as in `sources.i2c.chip.Chip`.
+
+    `model`: makes the chip, given its surroundings and `options`.
+    `period_ms`: sampling period.
+    `clock_error`: largest relative error of the sampling rate.
+    `banks`: register that selects the bank of registers, and the bit at which the bank's number begins there;
+        None if the chip has no banks.
+    `reset_ms`: longest time after a reset until the chip takes settings.
+    `gyro_start_ms`: time that the gyroscope needs after it was switched on.
+    `gyro_ends`: lowest and highest count of the gyroscope.
+    `header`: value of the first byte of a sample in the FIFO, and mask of its bits that matter; None if
+        samples have no header.
+    `holds`: number of samples that fit into the chip's FIFO.
+    `keeps_oldest`: whether the oldest samples stay whole when the FIFO overflows.
+    `at_25_c`, `counts_a_c`: counts of the chip's thermometer at 25 °C, and counts per °C.
+    `kept`: registers that the driver has to set, with the values that they then hold. Registers whose value
+        is right after a reset are included.
+    `unnoticed`: registers of `kept` whose change the driver need not notice. Such a change does not alter
+        the samples, or it stops them.
+    `lost_bit`: bit that the tests change in the other registers of `kept`; the driver has to notice this.
     """
 
     model: type[Any]
@@ -57,7 +65,7 @@ class Emulated(NamedTuple):
     lost_bit: int
 
     def row(self, what: str, register: int | None = None) -> str:
-        """Return words for a fact of the chip's row in the driver's tables, or for one of its registers."""
+        """Return the message of a failed check. It names the chip, the fact, and the register if given."""
         return f"sources/i2c, {self.name}: {what}" + ("" if register is None else f" 0x{register:02X}")
 
     @property

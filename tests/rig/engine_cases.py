@@ -37,8 +37,8 @@ EXAMPLE = LaneSettings(
 def with_(settings: LaneSettings, **changes: Any) -> LaneSettings:
     """Return the settings with changes.
 
-    The name `state__Q` stands for state.Q. The value of such a setting may be an array with a value for each
-    axis that the engine filters in parallel.
+    An argument such as `state__Q` changes the setting state.Q. Its value may be an array, with a value for
+    each axis that the filters process in parallel.
     """
     numbers = {name.replace("__", "."): changes.pop(name) for name in [*changes] if "__" in name}
     own = {name: changes.pop(name) for name in [*changes] if name in ("h", "R", "accuracy")}

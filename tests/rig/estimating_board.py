@@ -24,7 +24,10 @@ from tools.made_up_board import MadeUpBoard, Sent
 from tools.own_estimator import JOINT, OwnEstimator
 
 ESTIMATOR = JOINT._replace(startup=30, remaining=30, gate=8.0)
-"""Estimator settings of the board. Its start-up window and gate differ from those of the host."""
+"""Settings of the board's estimator.
+
+Two differ from the host's: the length of the start-up window, and `gate`, the guard's limit of innovations.
+"""
 STARTUP = ESTIMATOR.startup
 
 LSB_PER_DPS = 16.4
@@ -68,7 +71,7 @@ class Board(MadeUpBoard):
 
 
 def said(at: int, message: wire.Message, sequence: int = 0) -> Sent:
-    """Return a message with the time at which the board sends it: sampling instant number `at`."""
+    """Return a message with the time at which the board sends it: `at` sampling periods after its start."""
     return Sent(at, message, sequence, at * PERIOD_US)
 
 
@@ -140,7 +143,8 @@ def feed(walk: Pipeline, found: Iterable[Event]) -> list[AnyRecord]:
 def estimates_of(who: str, records: Iterable[AnyRecord]) -> list[Any]:
     """Return the records that hold the device's estimates.
 
-    The type of these records depends on whether only the device estimates (`who` is "device").
+    If only the device estimates (`who` is "device"), these are of type `Estimate`, otherwise of type
+    `DeviceEstimates`.
     """
     return of(Estimate if who == "device" else DeviceEstimates, records)
 

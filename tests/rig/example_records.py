@@ -11,9 +11,10 @@ OF_FILTERS = "alpha", "alpha_std", "f", "f_std", "state", "innovation", "valid",
 
 
 def axis_estimate(*of_filters: Any, unit: str = GYRO_UNIT, **known: Any) -> AxisEstimate:
-    """Return an example of an estimate of one axis. `of_filters`: the figures from the paper's filters.
+    """Return an example of an estimate of one axis.
 
-    The figures are in the order of `OF_FILTERS`. `known`: values of other fields.
+    `of_filters`: values that the filters estimate, in the order of `OF_FILTERS`. `known`: values of other
+    fields.
     """
     given = {
         "verdict": "fractional",

@@ -1,8 +1,8 @@
-"""Simulate a Raspberry Pi with an emulated chip on its bus, in virtual time, with smbus2's interface.
+"""Simulate a Raspberry Pi with an emulated chip on its I²C bus, in virtual time.
 
-The bus takes real `smbus2.i2c_msg` objects, takes as long as a transfer at 400 kHz, and refuses what the
-controller of the Raspberry Pi 1 to 4 refuses: its Linux driver (i2c-bcm2835) answers EOPNOTSUPP if any
-message follows a read.
+The bus has the interface of `smbus2`, and takes real `smbus2.i2c_msg` objects. A transfer takes as long as at
+400 kHz. If a message follows a read, the bus fails with EOPNOTSUPP, as the Linux driver of the Raspberry Pi 1
+to 4 does (i2c-bcm2835).
 """
 
 import ctypes

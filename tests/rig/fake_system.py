@@ -98,7 +98,8 @@ def finding_of(findings: list[Finding], check: str) -> Finding:
 
 
 def levels(findings: list[Finding]) -> dict[str, str]:
-    """Return the level of each finding by the name of its check. If several findings have the same name, the
-    last one counts.
+    """Return how bad each finding of `fltea doctor` is (such as "warning"), by the name of its check.
+
+    If a check has several findings, the last one counts.
     """
     return {finding.check: finding.level for finding in findings}

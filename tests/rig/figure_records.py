@@ -42,14 +42,11 @@ from tests.rig.fit_support import FRACTIONAL, with_curves
 from tests.rig.host_support import hello
 
 KEYS: dict[str, Any] = {"str": "order_box", "int": 60}
-"""For each type of keys that mappings have, an example of a key.
-
-It is put into mappings that the example records leave empty.
-"""
+"""Two keys, by their type. One of them is put into each mapping that the example records leave empty."""
 
 
 def parts_of(hint: Any) -> Iterator[Any]:
-    """Yield the types of which a type hint consists; for a mapping, these are the types of its values."""
+    """Yield the types in a type hint: each type of a union, and of a mapping the types of its values."""
     if get_origin(hint) in (types.UnionType, Union):
         for one in get_args(hint):
             yield from parts_of(one)
@@ -99,9 +96,9 @@ OTHER_WORDS = {"not rejected": "rejected", "fractional": "white", "user": "watch
 
 
 def changed(value: Any, path: Sequence[str]) -> Any:
-    """Return a copy of a record in which the value at one path differs.
+    """Return a copy of a record in which one value differs. `path`: names of the fields that lead to it.
 
-    If a mapping is on the path, the values of all its keys differ.
+    If one of these fields is a mapping, the value differs under each of its keys.
     """
     if isinstance(value, dict):
         return {key: changed(one, path) for key, one in value.items()}

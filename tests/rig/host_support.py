@@ -121,7 +121,9 @@ def hello(**changes: object) -> Hello:
 
 
 def each_ended(make: Callable[..., T], end: Callable[[T], object]) -> Iterator[Callable[..., T]]:
-    """Yield a function that makes any number of objects for a test, and end each object after the test."""
+    """Yield a function that a test calls to make objects, each by `make`. After the test, call `end` for each
+    of them.
+    """
     with contextlib.ExitStack() as stack:
 
         def one(*arguments: Any, **options: Any) -> T:

@@ -90,4 +90,4 @@ HOSTILE: dict[str, Callable[[Path], None]] = {
     ),
     ENDLESS_TREE: _without_end,
 }
-"""Functions that make these hostile files, by name."""
+"""Functions that make hostile SQLite files, by what is hostile in the file."""

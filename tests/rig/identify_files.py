@@ -33,10 +33,10 @@ def npz(path: Path, raw: np.ndarray, **extra: object) -> Path:
 
 
 class Deadly:
-    """An object that a test uses in place of a path. It kills the process that receives it, at the first
-    `times` attempts.
+    """An object that a test sends to another process in place of a path. It kills the process that receives
+    it, at the first `times` attempts.
 
-    The object kills a process by being unpickled, so the process that makes and sends it survives.
+    The receiver dies when it unpickles the object. The sender only pickles it, and so survives.
     """
 
     def __init__(self, path: Path, mark: Path, times: int) -> None:

@@ -32,10 +32,10 @@ def identify_series(
     known: Sequence[DataCheck] = (),
     live: LiveConfig | None = None,
 ) -> AxisReport:
-    """Return the identification of one axis alone, without FLTEA's estimates of shuffled copies of the
-    samples.
+    """Return the identification of one axis alone.
 
-    `known`: results of data checks of the whole recording.
+    `fltea identify` also runs FLTEA over shuffled copies of the samples, which are white; this function does
+    not. `known`: results of data checks of the whole recording.
 
     Raises:
         ValueError: The series is too short or constant.
@@ -45,7 +45,7 @@ def identify_series(
         events = watch({"y": series}, (), {"y": found.tracked}, h, live or LiveConfig())["y"]
         if events.left_out.is_like(found.left_out):
             break
-        # If too few samples remain between steps of the bias, the fit fails, and the earlier result stays.
+        # If too few samples remain between steps of the bias, `examine` fails, and `found` stays as it is.
         with contextlib.suppress(ValueError):
             found = examine(series, h, options, figures, known, events.left_out)
     if found.tracked is not None:

@@ -10,8 +10,10 @@ def ulog(forms: dict[str, str], topics: Iterable[tuple[str, int]], rows: Iterabl
 
     The log has header, flag bits, formats, subscriptions and data.
 
-    `forms`: fields by message name. `topics`: message name and sensor number. `rows`: topic index, field
-    types as letters of `struct`, and values.
+    `forms`: fields by message name.
+    `topics`: message name and sensor number of each topic.
+    `rows`: for each message, the index of its topic in `topics`, the types of its fields as letters of
+        `struct`, and its values, of which the first is the timestamp.
     """
 
     def message(kind: str, body: bytes) -> bytes:

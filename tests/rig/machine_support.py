@@ -130,8 +130,10 @@ def fault_of(text, seconds=0.1, handlers=None):
 
 MS = PS_PER_S // 1000
 FAR = 0x0037_0809
-"""Value for the register CKGR_MOR, with its key: crystal and RC oscillator on, start-up time of 64 cycles of
-the slow clock (1.95 ms).
+"""Value for the register CKGR_MOR. It switches the crystal and the RC oscillator on.
+
+The start-up time of the crystal is 64 cycles of the slow clock (1.95 ms). Each write of this register has to
+contain the key 0x37.
 """
 PLLA_168 = 1 << 29 | 13 << 16 | 0x3F << 8 | 1
 

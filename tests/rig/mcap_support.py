@@ -119,7 +119,7 @@ def replay(path: Path, **overrides: object) -> list[AnyRecord]:
 
 
 def without(records: Iterable[AnyRecord], *fields: str) -> list[AnyRecord]:
-    """Return the records with empty values in `fields`, which differ from run to run."""
+    """Return the records with "" in `fields`, whose values differ from run to run."""
     return [msgspec.structs.replace(one, **dict.fromkeys(fields, "")) for one in records]
 
 

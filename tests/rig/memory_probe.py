@@ -74,14 +74,15 @@ class Memory:
         self._library.probe_push(self._probe, n, None, None)
 
     def stir(self, n: int, seed: int) -> None:
-        """Append n random states that scatter with a variance of about 1. The variance that the filter would
-        give with each state (its uncertainty) is also about 1.
+        """Append n random states to the memory, each with the variance of its error.
+
+        The states have a variance of about 1. The error variances are between 0.5 and 1.5.
         """
         self._library.probe_stir(self._probe, n, seed)
 
     def sums(self, order: ArrayLike) -> tuple[Array, Array]:
-        """Return two weighted sums over the memory, one of states and one of their variances, for one order
-        in all filters.
+        """Return two weighted sums over the memory: of the states, and of their error variances. `order`: the
+        order from which the weights follow.
         """
         S, V = np.empty(self.lanes), np.empty(self.lanes)
         orders = np.full(self.lanes, order, dtype=np.float64)
@@ -89,9 +90,9 @@ class Memory:
         return S, V
 
     def evaluate(self, orders: ArrayLike) -> tuple[Array, Array]:
-        """Return, from one call, the weighted sum of states for three orders, and that of variances for the
-        first of these. The shapes are (3, lanes) and (lanes,), with a lane for each filter that runs in
-        parallel.
+        """Return the weighted sums of the states for three orders, of shape (3, lanes). For the first
+        order, also return the weighted sum of the error variances, of shape (lanes,). Each lane is one of
+        the filters that run in parallel.
         """
         S, V = np.empty((3, self.lanes)), np.empty(self.lanes)
         self._library.probe_evaluate(self._probe, self._rows(orders, 3), S, V)
@@ -102,10 +103,10 @@ class Memory:
 
     @property
     def modes(self) -> tuple[int, int]:
-        """Return two numbers of exponentials (modes): those from which the memory computes the sum of states,
-        and those for the sum of variances.
+        """Return how many exponentials (modes) the memory uses for the sum of states, and how many for the
+        sum of variances.
 
-        The length of the memory and `digits` determine these numbers.
+        The length of the memory and `digits` determine both numbers.
         """
         out = np.zeros(3)
         self._library.probe_nodes(self._probe, out)
@@ -113,7 +114,7 @@ class Memory:
 
 
 def math(kind: str, x: Array, instruction_set: str | None = None) -> tuple[Array, Array, Array]:
-    """Return e^x, e^-x and sin(pi x), computed by host code for SIMD packs (pack_math.hpp)."""
+    """Return e^x, e^-x and sin(pi x) as native code computes them (pack_math.hpp). `kind`: as in `Memory`."""
     native = library(instruction_set or SETS[0])
     padded = np.concatenate((x, np.zeros(-len(x) % 8)))
     up, down, sine = (np.empty_like(padded) for _ in range(3))

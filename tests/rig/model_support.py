@@ -86,10 +86,7 @@ def bins(parts: Sequence[p.Part], n: int, h: float, seed: int | None, size: int 
 
 
 def sound(e: Evidence, verdict: Verdict) -> None:
-    """Check that a verdict's text, figures and model agree.
-
-    Also check that no bound of a figure is shown as an estimate.
-    """
+    """Check that a verdict's text, figures and model agree, and that each figure lies in its interval."""
     assert verdict.text == f"{verdict.what} {verdict.why} {verdict.next}"
     for sentence in (verdict.what, verdict.why, verdict.next):
         assert sentence[0].isupper() or sentence[0].isdigit()

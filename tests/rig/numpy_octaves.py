@@ -27,10 +27,11 @@ class Lines(NamedTuple):
 
 
 def _correlated(later: int) -> float:
-    """Return the sum of squared correlations between one spectral line of a block of samples and all spectral
-    lines of another block.
+    """Return how strongly the spectra of two blocks of white noise are correlated. The second block begins
+    `later` samples later.
 
-    The other block begins `later` samples later.
+    The result is a sum over all lines of the second spectrum: the squared correlation of each with one line
+    of the first.
     """
     both = np.zeros(256)
     both[: 256 - later] = WINDOW[later:] * WINDOW[: 256 - later]
@@ -78,8 +79,10 @@ def lines(stretches: list[Array], made_up: list[Array] | None = None) -> Lines:
 
 
 def passed(lam: Array, level: int) -> Array:
-    """Return the power gain of all filters before a level of the running spectrum, at `lam` radians per
-    original sample.
+    """Return the power gain of all low-passes before a level of the running spectrum. Each halving of the
+    sampling rate has one low-pass.
+
+    `lam`: frequency [rad per original sample].
     """
     result = np.ones_like(lam)
     for halvings in range(level):
@@ -100,8 +103,8 @@ def noise(n: int, lanes: int, seed: int) -> Array:
 
 
 def check_lines(p: Periodogram, oracle: Lines) -> None:
-    """Check that a native spectrum equals the oracle's (the slow reference's). Where the oracle has several
-    lines at one frequency, their weighted mean is compared.
+    """Check that a native spectrum equals the oracle's. The native spectrum has one line for each frequency.
+    If the oracle has several, their weighted mean is compared with it.
     """
     lam, place = np.unique(oracle.lam, return_inverse=True)
     assert p.weight is not None

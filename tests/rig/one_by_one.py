@@ -70,7 +70,8 @@ class Timebase:
 
     @property
     def clock_ppm(self) -> float | None:
-        # If all delays are 0 to the nanosecond, the host times were computed from the device's times.
+        # If all delays are exactly 0, the host times were computed from the device's times, and show no error
+        # of the device's clock.
         if len(self._blocks) < BLOCKS_FOR_PPM or not any(map(DELAY, self._blocks)):
             return None
         return (1.0 / (1.0 + self._slope_error) - 1.0) * 1e6

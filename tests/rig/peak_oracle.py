@@ -16,11 +16,12 @@ NEIGHBOURS = 4 / 9, 1 / 36
 
 
 class Try(NamedTuple):
-    """A range of neighbouring spectral lines that is tested for a peak.
+    """A range of neighbouring spectral lines (bins) that is tested for a peak.
 
-    `begin`, `end`: the range. `level`: background level around the range. `levels`: levels that the power of
-    the range must exceed. `ordinates`: for each of these levels, the number of values of the periodogram from
-    which it was computed.
+    `begin`, `end`: the range.
+    `level`: background level around the range.
+    `levels`: background levels, each of which the power of the range must exceed significantly.
+    `ordinates`: number of periodogram values of which each of these levels is the mean.
     """
 
     begin: int
@@ -34,7 +35,10 @@ class Try(NamedTuple):
 
 
 class Lines:
-    """Spectral lines with their powers; each line represents `weight` ordinates of the periodogram."""
+    """The powers of spectral lines (bins).
+
+    `weight`: effective number of periodogram values of which each power is the mean.
+    """
 
     def __init__(self, power: Array, weight: Array) -> None:
         self.m = len(power)
@@ -113,7 +117,9 @@ class Lines:
 
 
 def strongest(power: Array, weight: Array, false_alarm: float) -> tuple[int, int, float] | None:
-    """Return the most significant range of spectral lines with the background level around it, or None."""
+    """Return begin and end of a spectrum's most significant peak (indices of its lines), and the background
+    level around it. Return None if no peak is significant.
+    """
     lines = Lines(power, weight)
     best: Try | None = None
     for tries in (list(lines.at_the_ends()), list(lines.between())):

@@ -1,14 +1,14 @@
 """Process samples as the host does, in plain Python, one sample at a time, from top to bottom.
 
 This module is the oracle of `fltea.stream.pipeline`, and shows the steps of the pipeline.
-`PlainDeviceStream.feed` takes a sample, and then
+`PlainDeviceStream.feed` takes a sample. Then:
 
-1. `PlainSequenceTracker` gives it its number and its device time, unwrapped, and counts lost samples; 2.
-`one_by_one.Timebase` gives it its host time, from a straight line fitted to the earliest arrivals of ten
-minutes; 3. `in_units` converts its counts into deg/s, m/s² and °C, by the scales of the newest HELLO; 4.
-`plain_tracks.SensorTracks` estimates the bias of each axis, and detects motion of the sensor; 5.
-`plain_sensor.Sensor` computes the bias and the measurement variance R from the first samples, and filters all
-later ones; 6. `PlainDeviceStream` yields the resulting records, in order, and statistics once a second.
+1. `PlainSequenceTracker` computes the sample's number and device time without wraps, and counts lost samples.
+2. `one_by_one.Timebase` computes its host time from a line through the earliest arrivals of ten minutes.
+3. `in_units` converts its counts into deg/s, m/s² and °C, by the scales of the newest HELLO.
+4. `plain_tracks.SensorTracks` estimates the bias of each axis, and detects motion of the sensor.
+5. `plain_sensor.Sensor` computes bias and R in the start-up window, and filters all later samples.
+6. `PlainDeviceStream` yields the resulting records, in order, and statistics once a second.
 
 The oracle has no live fits, and does not process estimates that boards compute.
 """
@@ -112,9 +112,9 @@ class PlainDeviceStream:
         # that setting the machine's date later does not change times.
         self._offset_ns = source.unix_offset_ns
         self._sensors: list[Sensor] = []
-        self._tracks: dict[str, SensorTracks] = {}  # the bias trackers of each sensor, by its unit
+        self._tracks: dict[str, SensorTracks] = {}  # the bias trackers of each sensor, by the unit of values
         self._board: DeviceStatus | None = None
-        self._newest: RawSample | None = None  # the newest sample that was used
+        self._newest: RawSample | None = None  # the newest sample that was not rejected
         self._lost_told_ns: dict[str, int] = {}
         self._absent_told = False
 
@@ -336,7 +336,7 @@ class PlainDeviceStream:
 
         The result is None while a start-up window fills, if an axis is constant, or if the device is unknown.
         """
-        # a snapshot of an earlier run, from which no epoch of this run has resumed yet
+        # until the first epoch of this run begins, the snapshot of the earlier run is kept
         if self._saved is not None:
             return self._saved
         hello, newest = self._sequence.hello, self._newest
@@ -358,7 +358,7 @@ class PlainDeviceStream:
 
 
 def made_with(hello: Hello, config: Config) -> dict[str, object]:
-    """Return what must be unchanged for a snapshot to be used, by the names that messages use for it."""
+    """Return values that must not change between a snapshot and its use, by their names in messages."""
     return {
         "device_id": hello.device_id,
         "who_am_i": hello.who_am_i,
@@ -381,8 +381,8 @@ def why_unused(saved: Saved, hello: Hello, config: Config, now_unix_ns: int) -> 
     other = [key for key, value in made_with(hello, config).items() if saved.made_with[key] != value]
     if other:
         return f"it was made for a device or settings that differ in: {', '.join(other)}"
-    # A later HELLO of the same boot may have stated another sampling rate. The filters keep the rate of the
-    # HELLO before the last restart (the beginning of the epoch).
+    # The filters keep the sampling rate with which their epoch began. A later HELLO of the same boot may
+    # state another rate, which is then the one in `made_with`.
     is_other_rate = any(sensor.rate_hz != hello.rate_hz for sensor in saved.sensors)
     return "it was saved with other settings" if is_other_rate else None
 
@@ -390,7 +390,7 @@ def why_unused(saved: Saved, hello: Hello, config: Config, now_unix_ns: int) -> 
 def missing_since(saved: Saved, hello: Hello, raw: RawSample, age_s: float) -> int:
     """Return the number of samples between a snapshot and the sample `raw`.
 
-    It comes from the sequence numbers if these agree with the elapsed time, otherwise from that time.
+    The sequence numbers give it if they agree with the device's clock; otherwise the snapshot's age does.
     """
     is_same_boot = saved.boot_id is not None and saved.boot_id == hello.boot_id
     if is_same_boot and age_s <= LONGEST_SILENCE_NS * 1e-9:

@@ -21,8 +21,8 @@ from fltea.settings.estimator import EstimatorConfig
 from tests.rig.sample_by_sample import LanesBySample, whiteness
 
 LONGEST_BRIDGE = 30_000
-"""Largest number of missing samples over which filters with unlimited memory predict when they continue from
-a snapshot.
+"""Filters that continue from a snapshot predict over the samples that are missing since then. Filters with
+unlimited memory predict over at most this many.
 """
 
 COLUMNS = ("alpha", "alpha_std", "f", "f_std", "state", "innovation")
@@ -136,8 +136,8 @@ class Sensor:
     def _of_filters(self, axis: str, columns: Vector | None) -> FlteaEstimate:
         """Return the filters' estimate of one axis.
 
-        The field `settled` is true if the innovations passed the test for whiteness at the last full hundred
-        of samples. It stays false for filters that wait for a live fit to tune them.
+        Whether the innovations are white is tested after every 100 valid estimates. The field `settled` is
+        true if they passed the last test. It is always false for filters that a live fit has to tune.
         """
         rows = self._innovations[axis]
         rows.append((columns[5], columns[6]) if columns else None)

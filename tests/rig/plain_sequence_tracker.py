@@ -16,15 +16,16 @@ LONGEST_SILENCE_NS = 30 * 60 * 10**9
 Device time wraps every 71.6 minutes, so after a much longer silence the number of wraps is ambiguous.
 """
 LONGEST_DISAGREEMENT_US = 5 * 60 * 10**6
-"""Largest accepted difference between the time that elapsed since the last sample on the device's clock and
-on the host's clock. After a reset, device time begins again, which can look like a gap of an hour.
+"""Time since the last sample: largest accepted difference between the device's clock and the host's.
+
+A larger difference shows a reset, after which device time begins again.
 """
 CLOCK_TOLERANCE = 0.02
 """Largest accepted relative difference between two times since the last sample: the one that sequence numbers
 give, and the one that the device's clock gives. It is twice the ±1 % of a sensor's own clock.
 """
 LONGEST_GAP = 1_000_000
-"""Largest number of lost samples after which the numbering continues, however large `link.max_gap` is."""
+"""If more samples than this are lost, a new epoch begins, even if `link.max_gap` is longer."""
 
 
 class Tracked(NamedTuple):
@@ -68,8 +69,8 @@ class RateWatch:
         """Compare a sample with the last sample.
 
         Returns:
-            "differs" or "agrees" (the sampling rate with the HELLO) if there are enough samples to decide
-                anew, else None.
+            "agrees" if the sampling rate is that of the HELLO, "differs" if it is not, None if there are too
+                few samples to decide.
         """
         last, self._last = self._last, (sequence, device_us)
         if last is None:
@@ -95,7 +96,7 @@ class RateWatch:
 
 # Why more than 12 attributes: it mirrors the native tracker, so that the two can be read side by side.
 class PlainSequenceTracker:
-    """Numbers samples without wraps, and counts used, rejected and lost samples (protocol/README.md)."""
+    """Gives samples numbers that never wrap; counts used, rejected and lost samples (protocol/README.md)."""
 
     def __init__(self, config: Config) -> None:
         self._max_gap = config.link.max_gap
@@ -141,7 +142,7 @@ class PlainSequenceTracker:
     def on_break(self, reason: EpochReason) -> None:
         """Begin an epoch (a new numbering of samples) at the next sample, because a recording says so.
 
-        If a reason for a new epoch is already known, it is kept, unless it is a restart of the sensor.
+        If another reason for a new epoch is known already, it is kept. Only "sensor_restart" is replaced.
         """
         if self._reason in (None, "sensor_restart"):
             self._reason = reason

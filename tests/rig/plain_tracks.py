@@ -74,7 +74,9 @@ class SensorTracks:
         return said
 
     def happened(self, times: SampleTimes, device: str | None) -> Iterator[Step | Motion]:
-        """Yield the records of steps and motion that were detected at the sample `times`."""
+        """Yield a record for each step and motion that the newest sample revealed. `times`: number and times
+        of that sample.
+        """
         names = tuple(self._axes)
         for one in self._happened:
             began = times.before(max(one.ago - 1, 0), self._h)
@@ -92,7 +94,9 @@ class SensorTracks:
         self._tracker.skip(count)
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
-        """Yield the tracker's statistics for each axis, as they are before the first fit."""
+        """Yield the tracker's statistics for each axis. The oracle has no live fits, so the tracker's model
+        is always that before the first fit.
+        """
         for axis, one in zip(self._axes, self._tracker.figures(), strict=True):
             checked = zip(CHECKED_S, one.checked, strict=True)
             yield (

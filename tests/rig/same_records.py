@@ -65,7 +65,10 @@ def differences(found: Any, expected: Any, path: str) -> Iterator[str]:
 
 
 def assert_same(found: Iterable[AnyRecord], expected: Iterable[AnyRecord]) -> None:
-    """Check that two outputs have bitwise equal records, except for host times and sums over many samples."""
+    """Check that two outputs have bitwise equal records.
+
+    Host times, and figures that are sums over many samples, may be rounded differently.
+    """
     mine = [comparable(one) for one in found]
     plain = [comparable(one) for one in expected]
     for k, (a, b) in enumerate(zip(mine, plain, strict=False)):

@@ -146,10 +146,10 @@ class Whiteness(NamedTuple):
 
 
 def whiteness(rows: Sequence[tuple[float, float] | None]) -> Whiteness:
-    """Return figures of the last 900 to 1,000 innovations, by their definitions.
+    """Return figures of the last 900 to 999 innovations (of all if there are fewer), by their definitions.
 
-    `rows`: innovation and its predicted standard deviation for each sample, or None for a lost sample. The
-    innovation after a lost sample is not paired with an earlier one.
+    `rows`: innovation and its predicted standard deviation for each sample, or None for a sample that is lost
+    or invalid. The correlation leaves out pairs of innovations with such a sample between them.
     """
     x, std = np.array([one or (np.nan, np.nan) for one in rows]).reshape(-1, 2).T
     there = ~np.isnan(x)
@@ -164,7 +164,7 @@ def whiteness(rows: Sequence[tuple[float, float] | None]) -> Whiteness:
         return Whiteness(None, nis, None)
     r = np.empty(LAGS)
     for lag in range(1, LAGS + 1):
-        unbroken = number[lag:] - number[:-lag] == lag  # no sample is missing between the two innovations
+        unbroken = number[lag:] - number[:-lag] == lag  # no sample is missing within a pair
         pairs = kept[lag:] & there[:-lag] & unbroken
         r[lag - 1] = (x[lag:] * x[:-lag])[pairs].sum() / squares
     ljung_box = n * (n + 2) * float((r**2 / (n - np.arange(1, LAGS + 1))).sum())

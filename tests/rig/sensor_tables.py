@@ -22,7 +22,7 @@ from tests.rig.table_support import open_here
 FILES = itertools.count()
 N = 200
 GYRO = np.round(np.random.default_rng(11).normal(size=(N, 3, 3)), 4)
-"""Angular rates of three sensors."""
+"""Angular rates [deg/s] of three sensors, of shape (samples, sensors, axes)."""
 AXES = [f"gyro_{axis}_dps" for axis in "xyz"]
 NUMBERS, WORDS, DEVICES = ["0", "1", "2"], ["left", "right", "the third"], ["3932170", "3932171", "3932172"]
 

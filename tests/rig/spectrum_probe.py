@@ -77,7 +77,7 @@ class BoardSpectrum:
         library().spectrum_skip(self._axis, lost)
 
     def fit(self) -> BoardFit:
-        """Return the board's fit of the samples so far. The next fit starts from its parameters."""
+        """Return the board's fit of the samples so far. The next fit starts from this fit's parameters."""
         out = np.empty(len(BoardFit._fields))
         library().spectrum_fit(self._axis, out)
         return BoardFit(*out.tolist())
@@ -89,9 +89,9 @@ class BoardSpectrum:
     def track_by(self, verdict: int, *numbers: float) -> None:
         """Let the tracker use given parameters for the next samples.
 
-        `numbers`: for a fractional noise, they are α, g = h^α f (h: sampling period), the driving variance
-        s2, and the variance R of the white noise. For a relaxation (a first-order Gauss-Markov process with
-        coefficient φ), they are 1 - φ, the variance of the relaxation, and R.
+        `numbers`: for a fractional noise, α, g = h^α f (h: sampling period), the variance of the noise ω that
+        drives it, and the variance R of the white noise. For a relaxation, 1 - φ (φ: correlation of two
+        neighbouring samples), the variance of the relaxation, and R.
         """
         given = np.array([verdict, *numbers, *[0.0] * (4 - len(numbers))])
         library().spectrum_design(self._axis, given)
@@ -112,11 +112,12 @@ class BoardSpectrum:
 def track_sensor(
     axes: Sequence[BoardSpectrum], counts: NDArray[np.int16]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Track the counts of all axes of a sensor, of shape (n, axes).
+    """Track the bias of all axes of a sensor. `counts`: its samples, of shape (n, axes).
 
     Returns:
-        Two arrays. The first, of shape (n, axes, 4), has for each sample the bias and its standard deviation,
-        the state and its standard deviation. The second, of shape (n,), says whether the sensor is in motion.
+        Two arrays. The first has the shape (n, axes, 4): after each sample, the bias, the bias's standard
+        deviation, the state, and the state's standard deviation. The second has the shape (n,): whether the
+        sensor is in motion.
     """
     n, k = counts.shape
     out = np.empty((n, k, 5))

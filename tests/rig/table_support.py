@@ -43,7 +43,9 @@ def open_here(kind: str, path: Path, **how: Any) -> Stored:
 
 
 def stored_here(path: Path, how: How = AS_IT_SAYS) -> Stored:
-    """Open any file as the program does, but without the reader process, and without words about errors."""
+    """Open any file as the program does, but without the reader process. Messages of errors may lack the
+    file's name.
+    """
     opened = open_one_file(path)
     if opened.file is not None:
         opened.file.close()

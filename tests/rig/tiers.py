@@ -9,19 +9,19 @@ from typing import Any
 import pytest
 
 LATER_TIERS = {"slow and not long": "slow", "long": "long"}
-"""The mark of the second and of the third tier, by the expression that selects the tier (Makefile).
+"""The pytest marks of the tests of the second and the third tier.
 
-The first tier has the tests without a mark.
+The key of a mark is the expression by which the Makefile selects that tier. The first tier has no mark.
 """
 
 
 def slow(*values: Any) -> Any:
-    """Return a set of parameters with which a test runs only in the second tier of tests."""
+    """Return a parameter set for pytest. Only the second tier runs the test with these values."""
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
 def long(*values: Any) -> Any:
-    """Return a set of parameters that only the third tier tries."""
+    """Return a parameter set for pytest. Only the third tier runs the test with these values."""
     return pytest.param(*values, marks=pytest.mark.long)
 
 
@@ -31,9 +31,9 @@ def slow_but(quick: Container[Any], values: Iterable[Any]) -> list[Any]:
 
 
 def long_but(usual: Container[Any], values: Iterable[Any], *, quick: Container[Any] = ()) -> list[Any]:
-    """Return all values of a parameter; the third tier tries those that are in neither `usual` nor `quick`.
+    """Return all values of a parameter.
 
-    The first tier tries the values in `quick`, the second those in `usual`.
+    The first tier tries those in `quick`, the second those in `usual`, and the third all others.
     """
     values = list(values)
     return [one if one in quick else slow(one) if one in usual else long(one) for one in values]
