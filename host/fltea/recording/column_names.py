@@ -60,7 +60,12 @@ WitMotion calls a rate AsX.
 
 _TIME = re.compile(rf"{_TIMES}|{_BEFORE}(?:(?:{_OF_CLOCK})_)*(?:{_OF_TIME})(?:_formatted)?(?:_unix)?{_SORT}")
 _SECONDS = re.compile(r"(.*?)_?(?:secs?|seconds|s)")
-_FINE = re.compile(r"(.*?)_?(nanosec(?:ond)?s?|nsecs?|nanos|ns|usecs?|microsec(?:ond)?s?|micros|us)")
+_FINE = re.compile(
+    r"(.*?)_?(nanosec(?:ond)?s?|nsecs?|nanos|ns|usecs?|microsec(?:ond)?s?|micros|us"
+    r"|millisec(?:ond)?s?|msecs?|millis|ms|frac(?:tion(?:al)?)?(?:_?(?:secs?|seconds?))?|sub_?sec(?:ond)?s?)"
+)
+_FINE_S = ("n", 1e-9), ("u", 1e-6), ("mic", 1e-6), ("m", 1e-3), ("", 1.0)
+"""Units of `_FINE` [s], by the first letters of their names."""
 
 _SENSORS = {
     *("i", "instance", "imu", "sensor", "device", "dev", "node", "id", "mac", "addr", "address", "topic"),
@@ -220,18 +225,55 @@ def states_units(name: str) -> bool:
 
 
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
-    """Return, for each column of whole seconds, the column of fractions to add, and their unit [s]."""
+    """Return, for each column of whole seconds, the column of fractions to add, and their unit [s].
+
+    Only names count, so columns of milliseconds are left out: these are often complete times.
+    """
     parts: dict[int, tuple[int, float]] = {}
     bases = {}
     for place, name in enumerate(names):
-        found = _FINE.fullmatch(_plain(name)) if len(name) <= LONGEST_NAME else None
-        if found is not None:
-            bases[found[1]] = place, 1e-9 if found[2].startswith("n") else 1e-6
+        found = fraction_of_seconds(name)
+        if found is not None and found[1] < 1e-3:
+            bases[found[0]] = place, found[1]
     for place, name in enumerate(names if bases else ()):
-        found = _SECONDS.fullmatch(_plain(name)) if len(name) <= LONGEST_NAME else None
-        if found is not None and found[1] in bases and bases[found[1]][0] != place:
-            parts[place] = bases[found[1]]
+        base = whole_seconds(name)
+        if base is not None and base in bases and bases[base][0] != place:
+            parts[place] = bases[base]
     return parts
+
+
+def fraction_of_seconds(name: str) -> tuple[str, float] | None:
+    """Return the rest of a name that can be that of a column of fractions of seconds, and their unit [s].
+
+    None: the name is another one.
+    """
+    found = _FINE.fullmatch(_with_unit(name))
+    if found is None:
+        return None
+    return found[1], next(s for letter, s in _FINE_S if found[2].startswith(letter))
+
+
+def whole_seconds(name: str) -> str | None:
+    """Return the rest of a name that can be that of a column of seconds, or None."""
+    plain = _with_unit(name)
+    found = _SECONDS.fullmatch(plain)
+    if found is not None:
+        return found[1]
+    return plain if is_time(name) and time_scale_of(name) is None else None
+
+
+def is_clock_of_seconds(name: str) -> bool:
+    """Return whether a name states a clock, and that its unit is seconds."""
+    found = _SECONDS.fullmatch(_with_unit(name))
+    return found is not None and (not found[1] or _TIME.fullmatch(found[1]) is not None)
+
+
+def _with_unit(name: str) -> str:
+    """Return a name in small letters, and its unit, if that is in brackets, as its last word."""
+    if len(name) > LONGEST_NAME:
+        return ""
+    parts = _parts(name)
+    return _plain(f"{parts.words}_{parts.unit}" if parts.is_in_brackets else name)
 
 
 def axis_of(name: str, unit: str = "") -> str | None:

@@ -23,6 +23,9 @@ from fltea.settings.how import How
 
 NOTHING = Facts()
 
+IMPOSSIBLE = 1e300
+"""Time of a row whose fraction of a second is none, since it is negative or more than a second."""
+
 
 class StatedRate(NamedTuple):
     """The sampling rate that the user or the file states, None if neither does.
@@ -75,8 +78,8 @@ class Chosen:
 
     @cached_property
     def time_name(self) -> str:
-        """Name of the column of times, "" if there is none."""
-        return "" if self.time is None else self.names[self.time]
+        """Name of the column of times, "" if there is none; names of both columns if two say the time."""
+        return " + ".join(self.names[k] for k in self.clock[::3] if k is not None)
 
     @cached_property
     def times(self) -> TimeColumn:
@@ -106,7 +109,8 @@ class Chosen:
             if clock.time is not None and clock.factor != 1.0:
                 values[:, axes] *= clock.factor
             if clock.fine is not None:
-                values[:, axes] += values[:, axes + 1] * clock.fine_s
+                fine_s = values[:, axes + 1] * clock.fine_s
+                values[:, axes] += np.where((fine_s < 0) | (fine_s > 1), IMPOSSIBLE, fine_s)
             if self.accel:
                 values[:, len(self.needed) :] *= self.accel_ms2
         return values

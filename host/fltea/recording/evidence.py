@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +15,6 @@ from fltea.recording.column_names import (
     common_beginning,
     counts_unknown,
     is_time,
-    split_seconds,
     states_units,
     time_scale_of,
     times_in,
@@ -24,6 +24,7 @@ from fltea.recording.dialects import Dialect, Facts, columns_of, nearest
 from fltea.recording.files import TIME_COLUMN, Note, listed
 from fltea.recording.reading import OVERRULE, Answer, Evidence, Missing, Question, given_options, not_stated
 from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, PLAUSIBLE_HZ, ClockColumns, Floats
+from fltea.recording.split_times import SplitTimes, split_times
 from fltea.recording.text_head import stated_in
 from fltea.recording.text_labels import units_beside
 from fltea.recording.timing import rate_of
@@ -192,12 +193,19 @@ class Choice:
         given, factor = self.how.time_unit, 1.0
         if place is None:
             return ClockColumns(unit=given)
-        if place in (parts := split_seconds(self.names)) and given in (None, "s"):
-            return ClockColumns(place, "s", 1.0, *parts[place])
+        for whole, fine, fine_s in self.split.found if given in (None, "s") else ():
+            if place in (whole, fine):
+                return ClockColumns(whole, "s", 1.0, fine, fine_s)
         if by_dialect and self.dialect is not None and given in (None, "s"):
             for two in map(_TWO_FIELDS.fullmatch, self.dialect.time):
                 if two is not None and two[1] == self.names[place]:
                     return ClockColumns(place, "s", 1.0, self.names.index(two[2]), 1e-9)
+        is_free = self.wanted.time is None and self.how.rate_hz is None
+        if is_free and place in [pair.whole for pair in self.split.doubtful]:
+            fine = listed([self.names[self.split.doubtful[0].fine]])
+            what = f"the times: by its values {fine} is a fraction of {listed([self.names[place]])}, "
+            self.asked.missing.append(Missing(f"{what}but not in the unit of its name", "--time-column ?"))
+            return ClockColumns(place, given)
         self.check_names_against_units([place], time_scale_of, time_scale, "--time-unit")
         name, beside = self.names[place], self.units[place]
         stated = time_scale(beside) or time_scale_of(name)
@@ -225,6 +233,11 @@ class Choice:
             if step is not None and not PLAUSIBLE_HZ[0] <= 1 / step <= PLAUSIBLE_HZ[1]:
                 self._ask_clock(place, f"what the times of {listed([name])} count")
         return ClockColumns(place, unit, factor)
+
+    @cached_property
+    def split(self) -> SplitTimes:
+        """Pairs of columns that say the time together, as whole seconds and their fraction."""
+        return split_times(self.names, self.first_rows())
 
     def _ask_clock(self, place: int, what: str) -> None:
         self.asked.missing.append(Missing(what, "--time-unit ?"))
@@ -259,8 +272,10 @@ class Choice:
             return place, place in of_dialect
         if of_dialect:
             return of_dialect[0], True
-        if parts := split_seconds(names):
-            return next(iter(parts)), False
+        if pairs := self.split.found:
+            return pairs[0].whole, False
+        if self.split.doubtful and self.how.rate_hz is None:
+            return self.split.doubtful[0].whole, False
         none = dialect.no_time if dialect is not None else ()
         left = [
             place

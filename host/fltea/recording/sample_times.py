@@ -143,6 +143,7 @@ class _Restarts(NamedTuple):
         return self.wrap, self.longest
 
 
+# Over 12 attributes: permitted, since most of them are counts of what the messages report.
 class Elapsed:
     """Converts the times of rows to the time since the first row, in the same unit.
 
@@ -150,7 +151,8 @@ class Elapsed:
 
     `rows`: number of rows. `repeated`: number of rows with the same time as the previous row. `odd`: number
     of steps that no sensor's clock makes: steps backwards, and repeated times in rows with different values.
-    `backwards`: number of steps backwards. `first`: number of the first row whose time is not later than the
+    `backwards`: number of steps backwards. `seconds`: number of times that restarted at a full second, as the
+    fractions of seconds do. `first`: number of the first row whose time is not later than the
     time of the row before, or None. `local`: steps that only a clock of local time makes.
     `longest`: a step longer than this begins a new run, in the unit of the times; infinite if this unit is
     unknown.
@@ -158,7 +160,7 @@ class Elapsed:
     """
 
     def __init__(self, unit: TimeUnit | None) -> None:
-        self.repeated = self.odd = self.backwards = self.rows = 0
+        self.repeated = self.odd = self.backwards = self.seconds = self.rows = 0
         self.first: int | None = None
         self.unit_s = SECONDS[unit or "s"]
         self.local = LocalTime(self.unit_s)
@@ -202,6 +204,7 @@ class Elapsed:
             wraps = begins & (after <= longest) & (time >= 0) & (time < after)
             begins &= ~wraps
             jump[wraps] = wrap
+            self.seconds += int(wraps.sum()) if wrap == self._restarts.second else 0
             jump[begins] = -steps[begins]
             offset = self._offset + np.cumsum(jump)
             self._offset = float(offset[-1])

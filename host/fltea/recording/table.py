@@ -257,6 +257,11 @@ class _Table:
         if runs := sum(map(len, self._runs.by_times)):
             text = f"column '{chosen.time_name}' runs backwards {runs} times; a new run begins at each."
             self._notes.append(Note("row_times", f"{self._path}: {text}"))
+        if elapsed.seconds:
+            self._note_times(
+                "its times begin again at each second, so they are taken for fractions of seconds; a gap of "
+                "whole seconds cannot be seen."
+            )
         hours = elapsed.local.hours
         if hours and elapsed.unit_s == found.unit_s:
             self._note_times(

@@ -131,12 +131,13 @@ def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
     wanted, clock = {*choice.wanted.names}, None
     free: list[int] = []
     axes = [*gyro]
+    seconds = {pair.whole for pairs in choice.split for pair in pairs}
     for place, (name, unit) in enumerate(zip(names, choice.units, strict=True)):
         if choice.labels[place] == choice.wanted.time or (clock is None and is_time(name)):
             clock = values[:, place]
         if axis_of(name, unit) or accel_axis_of(name, unit):
             axes.append(place)
-        elif not (place in gyro or is_time(name) or is_physical(unit_in(name) or unit)):
+        elif not (place in gyro or place in seconds or is_time(name) or is_physical(unit_in(name) or unit)):
             free += [] if choice.labels[place] in wanted else [place]
     if not axes:  # if no axes are known, all columns with many different values count as measurements
         axes = [k for k in free if len(np.unique(values[:, k])) > MOST_IN_TURN]
