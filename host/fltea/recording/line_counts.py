@@ -37,9 +37,9 @@ class BadLines:
         """Number of lines without a sample, counted from the line that determined the columns."""
         return self.counts.total() - self.counts["before_header"]
 
-    def add(self, line: int, reason: str, why: str) -> None:
-        """Count a line without a sample."""
-        self.counts[reason] += 1
+    def add(self, line: int, reason: str, why: str, count: int = 1) -> None:
+        """Count a line without a sample, or `count` of them."""
+        self.counts[reason] += count
         self.newest = Bad(line, reason, why)
         if self.first is None or (self.first.reason == "before_header" and reason != "before_header"):
             self.first = self.newest

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from fltea.recording.columns import Chosen
+from fltea.recording.other_columns import OtherColumns
 from fltea.recording.row_layout import Layout
 from fltea.recording.text_layout import LayoutFinder
 from fltea.recording.text_numbers import decoded
@@ -32,6 +33,7 @@ class Headers:
     `layouts`: for each header, the layout of the rows below it, or None if its columns do not fit those of
     the first header.
     `checks`: number of further lines in this block that may be examined.
+    `others`: leaves out the rows below names of other columns.
     """
 
     def __init__(self, where: str, how: How, head: Sequence[str]) -> None:
@@ -41,6 +43,8 @@ class Headers:
         self.chosen: Chosen | None = None
         self.layouts: dict[str, Layout | None] = {}
         self.checks = 0
+        self.others = OtherColumns(self._is_of_gyro)
+        self._begin = 0
 
     def begin_block(self, data: bytes) -> None:
         """Begin a block of lines; keep its lines if they are among the first of the text."""
@@ -61,6 +65,15 @@ class Headers:
         self.checks -= 1
         return self.finder.header_of(text) is not None
 
+    def _is_of_gyro(self, text: str) -> bool:
+        """Return whether a line names the columns to read.
+
+        If the rows have no such line above them, any line that stands above them counts.
+        """
+        if self.finder.header_of(text) is not None or text in self.layouts:
+            return True
+        return not self.layouts and text in (line.strip() for line in self.sample[: self._begin])
+
     def look_for_next(self) -> None:
         """Examine the following lines as those after another header."""
         self.finder = LayoutFinder(self._where, self._how, lambda: self.sample, self.finder)
@@ -75,7 +88,9 @@ class Headers:
 
     def use(self, layout: Layout) -> None:
         """Read the rows below a header by this layout."""
-        self.chosen = self.chosen or layout.chosen
+        if self.chosen is None:
+            self.chosen, self._begin = layout.chosen, layout.begin - 1
+            self.others.begin(layout, self.sample[: self._begin])
         if layout.again:
             self.layouts[layout.again[0]] = layout
 

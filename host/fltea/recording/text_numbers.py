@@ -41,7 +41,7 @@ REASONS = {
     "columns": "is an object without the columns to read",
     "too_long": f"has no end within {LONGEST_LINE} bytes",
     "before_header": "came before the columns were known",
-    "header": "names columns that do not fit those before",
+    "header": "names columns that do not fit those before, or stands below such a line",
     "not_finite": "has an empty field, NaN or infinity: a missing sample",
     "too_large": "is beyond what a gyroscope measures; are the units right?",
     "time": "has an impossible time",

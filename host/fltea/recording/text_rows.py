@@ -165,19 +165,29 @@ class TextReader:
         pieces: list[Rows] = []
         at: int | None = 0
         self._headers.begin_block(data)
+        is_examined = self._parser is not None
         if self._parser is not None:
             self._sensors.look_again(len(self._headers.sample), self._headers.finder.text.facts)
-            data = self._sensors.only(self._parser.layout, data)
+            data = self._sensors.only(self._parser.layout, self._of_gyro(self._parser.layout, data))
         while at is not None and at <= len(data):
             if self._parser is None:
                 at = self._find(data, at)
                 if at is None:
                     break
+                if self.layout is not None and not is_examined:
+                    data, at, is_examined = self._of_gyro(self.layout, data[at:]), 0, True
                 if self._sensors.is_known and self.layout is not None:
                     data, at = self._sensors.only(self.layout, data[at:]), 0
             assert self._parser is not None
             at = self._read(self._parser, data, at, pieces)
         return _by_run(pieces)
+
+    def _of_gyro(self, layout: Layout, data: bytes) -> bytes:
+        """Leave out the rows that stand below names of other columns, and count them."""
+        data, left_out = self._headers.others.only(layout, data, self.lines + 1)
+        for one in left_out:
+            self.bad.add(one.line, "header", one.why, one.count)
+        return data
 
     def _find(self, data: bytes, begin: int) -> int | None:
         """Find the first row after a header. Return the offset of the row, or None if no row has come yet."""
@@ -256,6 +266,8 @@ class TextReader:
                 begin = end + 1
                 continue
             text = decoded(data[begin:end])
+            if self._headers.others.ends_at(self.lines + 1):
+                self._numbers.begin()
             values = parser.one(text)
             is_row = isinstance(values, list)
             is_plain, is_first = is_row or is_first, is_row

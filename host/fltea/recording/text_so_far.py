@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 
 from fltea.recording.dialects import Facts
+from fltea.recording.other_columns import without_others
 from fltea.recording.text_fields import Thousands, cells_of, sample_of
 
 MOST_BEFORE = 200
@@ -45,9 +46,10 @@ class TextSoFar:
         `tag`: first field of the rows to read, if there are several kinds of rows.
         """
         count = width or len(names or ())
+        rows = cache(lambda: without_others(self.sample(), names, count))
         return Facts(
             "\n".join(self.sample()[:MOST_BEFORE] if tag else [*self.head, self.newest]),
             self.where.rpartition("/")[2].rpartition(":")[0] or self.where.rpartition("/")[2],
-            sample=cache(lambda: sample_of(self.sample(), names, count, tag)),
-            cells=lambda place: cells_of(self.sample(), names, count, tag, place),
+            sample=cache(lambda: sample_of(rows(), names, count, tag)),
+            cells=lambda place: cells_of(rows(), names, count, tag, place),
         )

@@ -1,0 +1,193 @@
+"""Leaves out the rows of a text that stand below a line with the names of other columns.
+
+Some programs write one file in blocks: first the rows of the gyroscope, then a line that names the columns
+of, say, the accelerometer, and its rows. Without the names, the rows of both look alike.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from typing import Literal, NamedTuple
+
+from fltea.recording.column_names import accel_axis_of, axis_of, is_time, unit_in
+from fltea.recording.raw_lines import shown
+from fltea.recording.row_layout import Layout
+from fltea.recording.text_fields import COMMENTS, is_comment, separator_of, split, units_in, words_with_units
+from fltea.recording.text_numbers import decoded
+from fltea.recording.units import is_unit
+from fltea.recording.wanted import is_missing, is_number
+
+_OF_WORDS = re.compile(rb'\n[ \t]*["#%/A-Za-z_](?:[^\n,;\t ]|[,;\t ](?![-+.]?\d))*(?=\n|\Z)')
+"""Matches a line that begins with a word, and in which no field begins with a number."""
+
+_NO_WORD = ("", *"0123456789+-.,;\t")
+
+_NAME = re.compile(r"[^\W\d]\w*(?:[ ./-]\w+)*(?:\s*[\[({<].*[\])}>])?")
+
+
+def _title(of: str) -> re.Pattern[str]:
+    """Compile a pattern for a line that says of which sensor the rows below it are."""
+    before, behind = r"raw|calibrated|sensor|data|block|the", r"data|readings?|samples?|sensor|values"
+    return re.compile(
+        rf"\W*(?:(?:{before})\W+)*(?:{of})(?:\W+(?:{behind}))?(?:\s*[\[(][^\[\]]*[\])])?\W*", re.I
+    )
+
+
+_OF_GYRO = _title(r"gyro(?:scope)?s?|angular\W?(?:velocity|rate)|rotation\W?rate")
+_OF_OTHER = _title(
+    r"(?:linear\W?)?acc(?:el(?:eration|erometer)?)?s?|mag(?:netometer|netic\W?field)?s?|gravity|orientation"
+)
+
+MOST_CHECKS, MOST_KNOWN = 200, 1000
+"""At most MOST_CHECKS different lines in a block are examined, and at most MOST_KNOWN are remembered."""
+
+_Kind = Literal["names", "other names", "gyroscope", "other title", ""]
+"""Kind of a line: names of columns as above the first row, or names or a title of the gyroscope or others."""
+
+
+class LeftOut(NamedTuple):
+    """Lines that are left out: `count` lines from number `line` on, from 1. `why`: reason, for the user."""
+
+    line: int
+    count: int
+    why: str
+
+
+class OtherColumns:
+    """Finds lines that name other columns than the gyroscope's, and leaves out the rows below them.
+
+    `is_header`: function that returns whether a line names the columns to read, or stood above the first row.
+    """
+
+    def __init__(self, is_header: Callable[[str], bool]) -> None:
+        self._is_header = is_header
+        self._known: dict[str, _Kind] = {}
+        self._names, self._is_titled, self._checks = "", False, 0
+        self._ends: set[int] = set()
+
+    def begin(self, layout: Layout, above: Sequence[str]) -> None:
+        """Use the lines above the first row: they may hold a title of other rows.
+
+        The title counts if nothing but the user's option says which columns are the gyroscope's.
+        """
+        is_given = any(one.question == "columns" and one.evidence == "given" for one in layout.chosen.answers)
+        titles = [line for line in above if _OF_GYRO.fullmatch(line) or _OF_OTHER.fullmatch(line)]
+        if is_given and titles and _OF_OTHER.fullmatch(titles[-1]):
+            self._names, self._is_titled = shown(titles[-1].strip()), True
+
+    def ends_at(self, line: int) -> bool:
+        """Return whether rows that were left out end at this line, one of those that `only` returned last."""
+        return line in self._ends
+
+    def only(self, layout: Layout, data: bytes, first: int) -> tuple[bytes, list[LeftOut]]:
+        """Return whole lines, in which those that are left out are empty, so that line numbers stay the same.
+
+        `first`: number of the first of these lines, from 1.
+        """
+        self._ends.clear()
+        words = list(_lines_of_words(data)) if layout.parse is None else []
+        if not (words or self._names):
+            return data, []
+        lines, left_out = data.split(b"\n"), list[LeftOut]()
+        self._checks, begin = MOST_CHECKS, 0
+        for k in [*words, len(lines)]:
+            kind = self._kind(layout, decoded(lines[k]).strip()) if k < len(lines) else ""
+            goes_on = kind in ("other names", "other title") or (self._is_titled and kind == "names")
+            if self._names and k < len(lines) and (not kind or goes_on):
+                self._is_titled |= kind == "other title"
+                continue
+            if self._names:
+                count = sum(1 for line in lines[begin:k] if line.strip())
+                why = f"the rows below {self._names} are not the gyroscope's."
+                left_out += [LeftOut(first + begin, count, why)] if count else []
+                lines[begin:k] = [b""] * (k - begin)
+            if kind in ("names", "gyroscope") and self._names:
+                self._names, self._is_titled = "", False
+                self._ends.add(first + k)
+            elif goes_on:
+                self._names, self._is_titled = shown(decoded(lines[k]).strip()), kind == "other title"
+                begin = k
+        return b"\n".join(lines), left_out
+
+    def _kind(self, layout: Layout, text: str) -> _Kind:
+        found = self._known.get(text)
+        if found is None:
+            self._checks -= 1
+            found = self._examined(layout, text) if self._checks >= 0 else ""
+            if len(self._known) < MOST_KNOWN and self._checks >= 0:
+                self._known[text] = found
+        return found
+
+    def _examined(self, layout: Layout, text: str) -> _Kind:
+        if _OF_GYRO.fullmatch(text):
+            return "gyroscope"
+        if _OF_OTHER.fullmatch(text):
+            return "other title"
+        names = _names_in(text, layout.separator)
+        if text in layout.again[:1] or names == layout.chosen.names or self._is_header(text):
+            return "gyroscope" if any(map(axis_of, names)) else "names"
+        is_loose = layout.separator is None or is_comment(text)
+        is_other = _are_others(names, layout.chosen.names, layout.usual, is_loose=is_loose)
+        return "other names" if is_other else ""
+
+
+def without_others(lines: Sequence[str], names: Sequence[str] | None, width: int) -> Sequence[str]:
+    """Return the lines that do not stand below names of other columns.
+
+    `names`: names of the `width` columns to read, None if they have none.
+    """
+    kept, is_other, is_titled, was_row = list[str](), False, False, False
+    for line in lines:
+        text = line.strip()
+        if text[:1] in _NO_WORD:
+            was_row |= bool(text)
+        elif _OF_GYRO.fullmatch(text) or _OF_OTHER.fullmatch(text):
+            is_other = is_titled = _OF_GYRO.fullmatch(text) is None
+        elif was_row and not text.startswith("{"):
+            separator = separator_of(line)
+            found, is_loose = _names_in(text, separator), separator is None or is_comment(line)
+            if found == [*(names or ())]:
+                is_other = is_titled
+            else:
+                is_other |= _are_others(found, names or (), width, is_loose=is_loose)
+        if not is_other:
+            kept.append(line)
+    return kept
+
+
+def _lines_of_words(data: bytes) -> Iterator[int]:
+    """Yield the index of each line of words."""
+    line = at = 0
+    for found in _OF_WORDS.finditer(b"\n" + data):
+        line += data.count(b"\n", at, found.start())
+        at = found.start()
+        yield line
+
+
+def _names_in(text: str, separator: str | None) -> list[str]:
+    for mark in COMMENTS:
+        text = text.removeprefix(mark)
+    names = words_with_units(text) if separator is None else split(text, separator)
+    while names and not names[-1]:
+        names.pop()
+    return names
+
+
+def _are_others(found: list[str], names: Sequence[str], width: int, *, is_loose: bool) -> bool:
+    """Return whether the fields of a line are names of columns.
+
+    A single word, such as `error`, is none. As many words as there are columns are, and fewer or more if they
+    begin as a line of names does, or if they are those of an accelerometer.
+
+    `names`: names of the columns to read; `width`: their number. `is_loose`: whether a sentence may have such
+    fields, since blanks separate them.
+    """
+    are_words = len(found) > 1 and not any(is_number(name) or is_missing(name) for name in found)
+    if not are_words or len({name.lower() for name in found}) < len(found) or units_in("\t".join(found)):
+        return False
+    if sum(accel_axis_of(name) is not None for name in found) > 1:
+        return True
+    known = {name for name in names if not name.isdecimal()}
+    marks = [name in known or is_time(name) or is_unit(unit_in(name)) for name in found]
+    if len(found) != width:
+        return len(found) > 2 and marks[0] and not is_loose
+    return any(marks) or (not is_loose and all(map(_NAME.fullmatch, found)))
