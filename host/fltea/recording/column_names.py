@@ -147,6 +147,12 @@ def unit_in(name: str) -> str:
     return _parts(name).unit
 
 
+def without_unit(name: str) -> str:
+    """Return a name without the unit that it states."""
+    found = _parts(name)
+    return found.base.strip() if found.unit and name.strip() != found.base else name
+
+
 def time_unit_of(name: str) -> TimeUnit | None:
     """Return the unit of times that a name states, or None."""
     found = _parts(name)

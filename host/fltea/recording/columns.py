@@ -202,8 +202,8 @@ def _labels(
     positions = [str(place + 1) for place in range(width)]
     if wanted.columns is None and wanted.time is None:
         return list(names or positions), names or positions
-    if names is not None and all(name in names for name in wanted.names):
-        return list(names), names
+    if names is not None and (labels := wanted.labels(names)) is not None:
+        return labels, names
     if all(name.isdecimal() for name in wanted.names):
         beyond = [name for name in wanted.names if not 1 <= int(name) <= width]
         if beyond:

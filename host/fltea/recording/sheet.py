@@ -34,6 +34,7 @@ from fltea.recording.reading import Answer, Evidence, Missing, asked_with, given
 from fltea.recording.sample_times import Floats
 from fltea.recording.table import Rows, gather, row_place
 from fltea.recording.turns import Turns
+from fltea.recording.wanted import place_of
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
@@ -183,10 +184,12 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
 def _by_names(names: Sequence[str], how: How) -> How:
     """Return the user's options.
 
-    Where the user gave the position of a column, its name is put in place of it.
+    Where the user gave the position of a column, or its name without the unit, its name is put in place.
     """
 
     def named(one: str) -> str:
+        if (place := place_of(one, names)) is not None:
+            return names[place]
         known = one not in names and one.isdecimal() and 1 <= int(one) <= len(names)
         return names[int(one) - 1] if known and names.count(names[int(one) - 1]) == 1 else one
 

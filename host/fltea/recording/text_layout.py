@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from fltea.recording.axis_titles import without_titles
 from fltea.recording.columns import Chosen, choose
 from fltea.recording.dialects import dialect_of, may_be_of_a_dialect
 from fltea.recording.evidence import axes_of
@@ -165,15 +166,18 @@ class LayoutFinder:
                 and any(is_number(name.strip(",;")) for name in names)
             ):
                 continue  # these are labels with numbers, as in "gx: 1.5 gy: 0.2"
-            if len(names) <= MOST_COLUMNS and self._are_names(names):
-                yield _Names(names, separator, separator is None or is_comment(line))
+            if len(names) > MOST_COLUMNS:
+                continue
+            each = without_titles(names)
+            for one in (each, names) if each != names else (names,):
+                if self._are_names(one):
+                    yield _Names(one, separator, separator is None or is_comment(line))
 
     def _are_names(self, names: Sequence[str], units: Sequence[str] = ()) -> bool:
         """Return whether the fields of a line are names of columns, including all columns to read."""
         wanted = self._wanted
         if wanted.columns is None:
-            has_times = wanted.time is None or wanted.time in names
-            if not has_times:
+            if wanted.labels(names) is None:
                 return False
             return bool(axes_of(names, units)) or (
                 may_be_of_a_dialect(names) and dialect_of(names, self.text.facts(names)) is not None

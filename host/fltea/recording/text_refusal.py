@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
+from fltea.recording.axis_titles import without_titles
 from fltea.recording.candidates import columns_table
 from fltea.recording.columns import choose
 from fltea.recording.dialects import Facts
@@ -99,6 +100,7 @@ def names_above(lines: Iterable[tuple[int, str]], width: int) -> NamesAbove:
     units = None
     for number, line in reversed([*lines]):
         found = bare_fields(line)
+        found = each if len(each := without_titles(found)) == width else found
         if len(found) != width or all_numbers(line) or is_number(found[0]) or WRONG_SUM in found:
             continue
         # such a line is no list of names: it states a rate or a unit in words

@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from fltea.recording.column_names import without_unit
 from fltea.recording.files import listed
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
@@ -41,7 +42,27 @@ class Wanted(NamedTuple):
 
     def is_in(self, header: Sequence[str]) -> bool:
         """Return whether the user names axes, and a header contains all names that the user gives."""
-        return self.columns is not None and all(name in header for name in self.names)
+        return self.columns is not None and self.labels(header) is not None
+
+    def labels(self, header: Sequence[str]) -> list[str] | None:
+        """Return the names in a header, with the user's name in place of each that the user means.
+
+        The user may leave out a name's unit, and may give the position of one column beside names of others.
+        Return None if the header lacks a column that the user names.
+        """
+        found = list(header)
+        for name in self.names:
+            place = self._place(name, header)
+            if place is None or found[place] not in (header[place], name):
+                return None
+            if name not in header:
+                found[place] = name
+        return found
+
+    def _place(self, name: str, header: Sequence[str]) -> int | None:
+        place = place_of(name, header)
+        is_position = place is None and not self.by_position and _is_position(name)
+        return int(name) - 1 if is_position and int(name) <= len(header) else place
 
     def is_at(self, fields: Sequence[str]) -> bool:
         """Return whether a line in a text without a header is a row.
@@ -61,9 +82,17 @@ class Wanted(NamedTuple):
 
     def lacking(self, header: Sequence[str] | None) -> str:
         """Return a text that says which of the user's columns a header lacks; None if there is no header."""
-        lacking = [name for name in self.names if header is None or name not in header]
+        lacking = [name for name in self.names if header is None or self._place(name, header) is None]
         has = "no header" if header is None else listed(header)
         return f"no column {', '.join(lacking)} (it has: {has})"
+
+
+def place_of(name: str, header: Sequence[str]) -> int | None:
+    """Return the column of this name, or the only one that has it before its unit; None if there is none."""
+    if name in header:
+        return header.index(name)
+    places = [k for k, one in enumerate(header) if without_unit(one) == name]
+    return places[0] if len(places) == 1 else None
 
 
 def wanted_of(how: How) -> Wanted:

@@ -107,7 +107,7 @@ def _named(choice: Choice) -> list[int]:
         place
         for tells in (tells_sensors, states_units)
         for place, name in enumerate(choice.names)
-        if tells(name) and name not in wanted
+        if tells(name) and choice.labels[place] not in wanted
     ]
 
 
