@@ -122,3 +122,16 @@ def test_rows_that_come_in_bursts_may_be_of_sensors_in_turns(tmp_path: Path) -> 
     del columns["sensor_id"]
     assert "If they are of 2 sensors that take turns: --sensor 1/2" in refusal(csv, tmp_path, columns)
     assert_is(csv(tmp_path, columns, topic="2/2"), 1)
+
+
+@each_form
+@pytest.mark.parametrize("later_s", [0.0, 0.003, 1e-6])
+def test_rows_that_the_user_says_are_of_one_sensor_are_asked_only_for_their_rate(
+    form: Callable[..., Stored], later_s: float, tmp_path: Path
+) -> None:
+    columns = table(NUMBERS, [0, 1] * N, later_s=later_s)
+    del columns["sensor_id"]
+    asked = refusal(form, tmp_path, columns, topic="1/1")
+    assert "nothing says the rate, as " in asked
+    assert "take turns" not in asked
+    assert form(tmp_path, columns, topic="1/1", rate_hz=200.0).samples == 2 * N

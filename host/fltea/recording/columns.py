@@ -84,7 +84,8 @@ class Chosen:
     @cached_property
     def times(self) -> TimeColumn:
         """The column of times with its unit and the user's options about it."""
-        return TimeColumn(self.time_name, self.clock.unit, *self.rate, self.clock.factor)
+        is_of_one = any(one.question == "sensor" and one.evidence == "given" for one in self.answers)
+        return TimeColumn(self.time_name, self.clock.unit, *self.rate, self.clock.factor, is_of_one)
 
     @cached_property
     def needed(self) -> tuple[int, ...]:

@@ -266,6 +266,7 @@ class TimeColumn(NamedTuple):
 
     `rate_hz`: sampling rate that the user or the file states; `is_given`: whether the user states it.
     `overrule`: whether the user's rate is used even if the times contradict it.
+    `is_of_one`: whether the user says which sensor's rows these are, or that all are of one.
     """
 
     name: str
@@ -274,6 +275,7 @@ class TimeColumn(NamedTuple):
     is_given: bool = False
     overrule: bool = False
     ticks: float = 1.0
+    is_of_one: bool = False
 
 
 def between(times: Floats, period: float) -> Marks:

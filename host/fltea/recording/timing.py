@@ -151,7 +151,7 @@ def _uneven(
         remark = (
             "If the rows do not stand in the order in which they were measured, sort them by their times."
         )
-    elif clock.in_turn:
+    elif clock.in_turn and not column.is_of_one:
         n = clock.in_turn
         return not_stated(
             where,
@@ -169,11 +169,11 @@ def _uneven(
             f"the rows come in bursts, {rows} every {every:.3g} {shown}, and the times in '{name}', "
             f"{clock.typical:.3g} {shown} apart, are those at which the rows were fetched"
         )
-        if rows <= MOST_IN_TURNS:
+        if rows <= MOST_IN_TURNS and not column.is_of_one:
             remark = (
                 f"If they are of {rows} sensors that take turns: --sensor 1/{rows} for the first. {remark}"
             )
-    elif _is_coarse(elapsed) and MOST_IN_TURNS >= round(turns) >= 2 and abs(turns - round(turns)) < 0.01:
+    elif not column.is_of_one and _is_coarse(elapsed) and _are_turns(turns):
         return _turns(where, name, round(turns), at, _mean(column, rate_hz))
     elif _is_coarse(elapsed) or clock.is_coarse:
         why = (
@@ -188,6 +188,11 @@ def _uneven(
         )
     text = f"{_mean(column, rate_hz)}. {remark}"
     return not_stated(where, [Missing(f"the rate, as {why}", "--rate ?")], (), text[0].upper() + text[1:])
+
+
+def _are_turns(rows: float) -> bool:
+    """Return whether so many rows for each time may be those of sensors that take turns."""
+    return MOST_IN_TURNS >= round(rows) >= 2 and abs(rows - round(rows)) < 0.01
 
 
 def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
