@@ -35,6 +35,20 @@ def link_by_way(file: Any, name: str, other: Path) -> None:
     file[name] = h5py.SoftLink("/others/first/gyro")
 
 
+def link_by_two_ways(file: Any, name: str, other: Path) -> None:
+    """The first of two links within the file leads to the second, and that to the other file."""
+    file["far/second"] = h5py.ExternalLink(str(other), "gyro")
+    file["first"] = h5py.SoftLink("/far/second")
+    file[name] = h5py.SoftLink("/first")
+
+
+def link_by_groups(file: Any, name: str, other: Path) -> None:
+    """A link leads to a path whose groups are links in turn."""
+    file["others/first"] = h5py.ExternalLink(str(other), "/")
+    file["near"] = h5py.SoftLink("/others")
+    file[name] = h5py.SoftLink("near/first/gyro")
+
+
 KINDS: dict[str, tuple[Callable[..., None], str]] = {
     "external storage": (external, r"gyro_x_dps: is stored in other files \("),
     "virtual": (
@@ -43,6 +57,8 @@ KINDS: dict[str, tuple[Callable[..., None], str]] = {
     ),
     "link": (link, r"gyro_dps is a link to another file \(\S*other\.h5\)"),
     "link by way": (link_by_way, r"gyro_dps is a link to another file"),
+    "link by two ways": (link_by_two_ways, r"gyro_dps is a link to another file \(\S*other\.h5\)"),
+    "link by groups": (link_by_groups, r"gyro_dps is a link to another file \(\S*other\.h5\)"),
 }
 
 
@@ -102,6 +118,14 @@ def test_parts_of_a_table_of_pandas(kind: str, tmp_path: Path, other: Path) -> N
         KINDS[kind][0](file, "imu/block0_values", other)
     with pytest.raises(UsageError, match=r"imu: its part block0_values (is|stands)"):
         hdf5.read(tmp_path / "a.h5", "")
+
+
+def test_links_that_lead_to_each_other_lead_nowhere(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["time_s"], file["gyro_dps"] = np.arange(ROWS) / 100, GYRO
+        file["a"], file["b"] = h5py.SoftLink("/b/c"), h5py.SoftLink("/a/c")
+    assert "gyro_dps" in hdf5.read(path, "").arrays
 
 
 def test_a_group_that_only_says_it_is_a_table_of_pandas(tmp_path: Path) -> None:

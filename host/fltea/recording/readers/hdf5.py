@@ -6,7 +6,7 @@ An HDF5 file may state that the data of a data set are stored in other files. Su
 import math
 import os.path
 import posixpath
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,9 @@ https://cfconventions.org (8.1 Packed Data) and https://nwb-schema.readthedocs.i
 
 NOT_READ = "copy it into this file: h5repack or h5py write it"
 """Advice for the user if a data set is stored in another file."""
+
+MOST_LINKS, MOST_NAMES = 16, 100
+"""HDF5 follows at most MOST_LINKS links in a row. Of a path, the first MOST_NAMES names are examined."""
 
 MATLABS = "#refs#", "#subsystem#"
 
@@ -134,11 +137,29 @@ def _links_elsewhere(file: Any) -> dict[str, str]:
 
     file.visititems_links(take)
     outer = dict(found)
-    for path, to in inner.items():
-        for other, why in outer.items():
-            if to == other or to.startswith(f"{other}/"):
-                found[path] = why
+    for path in inner:
+        if (why := _why_elsewhere(path, inner, outer)) is not None:
+            found[path] = why
     return found
+
+
+def _why_elsewhere(path: str, inner: Mapping[str, str], outer: Mapping[str, str]) -> str | None:
+    """Follow links within the file; return the text of the first link to another file, or None.
+
+    `inner`: where each link within the file leads. `outer`: the texts of links to other files.
+    """
+    for _ in range(MOST_LINKS):
+        names = path.split("/")
+        for count in range(1, min(len(names), MOST_NAMES) + 1):
+            first = "/".join(names[:count])
+            if first in outer:
+                return outer[first]
+            if first in inner:
+                path = "/".join([inner[first], *names[count:]])
+                break
+        else:
+            return None
+    return None
 
 
 def _parts_elsewhere(group: Any) -> str:
