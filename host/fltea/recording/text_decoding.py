@@ -1,6 +1,10 @@
-"""Decodes a text before it is split into lines: converts UTF-16 to UTF-8, and YAML documents to lines."""
+"""Decodes a text before it is split into lines.
+
+Converts UTF-16 to UTF-8, carriage returns that end lines to line feeds, and YAML documents to lines.
+"""
 
 import codecs
+import re
 
 from fltea.recording.raw_lines import BOM, UTF_16
 from fltea.recording.text_forms import BEGINNING, YAML, YamlDocuments
@@ -9,6 +13,9 @@ BEGIN_BYTES, MOST_HELD = 256, 4096
 """The first BEGIN_BYTES bytes of a text are kept as `TextDecoder.begin`. At most MOST_HELD bytes are held
 back while it is unclear whether the text consists of YAML documents.
 """
+
+_LONE_RETURNS = re.compile(rb"(?<![\r\n])\r+(?![\r\n])")
+"""Matches carriage returns that end a line. After or before a line feed, they belong to its line end."""
 
 
 class TextDecoder:
@@ -24,6 +31,7 @@ class TextDecoder:
         self._held = b""
         self._utf_16: codecs.IncrementalDecoder | None = None
         self._yaml: YamlDocuments | None = None
+        self._returns, self._last = b"", b"\n"
 
     @property
     def is_cut(self) -> bool:
@@ -32,7 +40,7 @@ class TextDecoder:
 
     def drop(self) -> None:
         """Delete the bytes that are held back. Call this if the bytes that follow in the text were lost."""
-        self._held = b""
+        self._held, self._returns, self._last = b"", b"", b"\n"
 
     def feed(self, data: bytes, *, hold: bool = True) -> bytes:
         """Decode the next bytes. `hold`: whether to hold back bytes that may begin a YAML document."""
@@ -62,4 +70,21 @@ class TextDecoder:
                 self._utf_16 = codecs.getincrementaldecoder("utf-16")("replace")
         if self._utf_16 is not None:
             data = self._utf_16.decode(data).encode()
+        data = self._with_line_feeds(data)
         return data if self._yaml is None else self._yaml.feed(data)
+
+    def _with_line_feeds(self, data: bytes) -> bytes:
+        """Return a text with a line feed for each carriage return that ends a line, as on old Macs.
+
+        Carriage returns at the end of `data` are held back, since a line feed may follow.
+        """
+        if b"\r" not in data and not self._returns:
+            self._last = data[-1:] or self._last
+            return data
+        data = self._returns + data
+        whole = data.rstrip(b"\r")
+        self._returns = data[len(whole) :]
+        if whole.count(b"\r") != whole.count(b"\r\n"):
+            whole = _LONE_RETURNS.sub(lambda found: b"\n" * len(found[0]), self._last + whole)[1:]
+        self._last = whole[-1:] or self._last
+        return whole
