@@ -7,7 +7,7 @@ import numpy as np
 
 from fltea.recording.bag_names import Layout
 from fltea.recording.message_stamps import Stamps, Times, even, is_uneven, judge
-from fltea.recording.reading import OVERRULE, Answer, Missing, given_options, not_stated
+from fltea.recording.reading import OVERRULE, Answer, Missing, given_options, not_stated, says_otherwise
 from fltea.recording.sample_times import SECONDS, Floats, Ints
 from fltea.recording.session import LATEST_NS
 from fltea.recording.timing import POSSIBLE_HZ, check_given
@@ -56,10 +56,8 @@ def given_ticks(where: str, layout: Layout, how: How) -> Ticks | None:
             f"{where}: --time-unit is given, and the times {why if layout.time else 'are not there'}."
         )
     if layout.time_s and layout.time_s != given and not how.overrule:
-        raise UsageError(
-            f"{where}: one in {layout.time[0]} is {layout.time_s[0]:g} s by its name, type or schema, and "
-            f"--time-unit {how.time_unit} says otherwise. Leave --time-unit out. {OVERRULE}"
-        )
+        fact = f"one in {layout.time[0]} is {layout.time_s[0]:g} s by its name, type or schema"
+        raise says_otherwise(where, fact, "--time-unit", how.time_unit)
     return Ticks(given, f", in {how.time_unit} as --time-unit says")
 
 
@@ -137,10 +135,8 @@ def judged(
     answer = Answer("clock", f"{rate_hz:.6g} Hz", "measured", f"the {source}")
     if given_hz is not None and abs(rate_hz / given_hz - 1) > RATE_TOLERANCE:
         if not how.overrule:
-            raise UsageError(
-                f"{where}: the {source} are those of {rate_hz:.6g} Hz, and --rate {given_hz:g} "
-                f"says otherwise. Leave --rate out. {OVERRULE}"
-            )
+            fact = f"the {source} are those of {rate_hz:.6g} Hz"
+            raise says_otherwise(where, fact, "--rate", f"{given_hz:g}")
         answer = Answer("clock", f"{given_hz:g} Hz", "given", "--rate")
         stamps = stamps._replace(period_ns=NS / given_hz)
     return Judged(stamps, no_stamps, answer, problems)

@@ -14,7 +14,7 @@ import numpy as np
 from fltea.recording.bag_names import Layout, Said, title
 from fltea.recording.candidates import MOST_MEAN_DPS, MOST_N, gravity_units
 from fltea.recording.files import Note
-from fltea.recording.reading import OVERRULE, Missing, given_options, not_stated
+from fltea.recording.reading import Missing, given_options, not_stated, says_otherwise
 from fltea.recording.sample_times import Floats
 from fltea.recording.units import parse_accel_unit, parse_units
 from fltea.records.errors import UsageError
@@ -78,10 +78,8 @@ def scales(where: str, layout: Layout, how: How) -> Scales:
         found = Scale(Said(given, "given", option), *parse(given))
         if said is not None and parse(said.unit) != found[1:]:
             if said.evidence == "stated" and not how.overrule:
-                raise UsageError(
-                    f"{where}: {title(names)} are in {said.unit} by {said.why}, and {option} {given} says "
-                    f"otherwise. Leave {option} out. {OVERRULE}"
-                )
+                fact = f"{title(names)} are in {said.unit} by {said.why}"
+                raise says_otherwise(where, fact, option, given)
             text = (
                 f"{title(names)} are read in {given}, as {option} says; by {said.why} they are in {said.unit}"
             )

@@ -11,7 +11,7 @@ from fltea.recording.column_names import accel_unit_of, is_time, rate_unit_of, t
 from fltea.recording.dialects import GRAVITY_TOLERANCE
 from fltea.recording.evidence import Choice
 from fltea.recording.files import Note, listed
-from fltea.recording.reading import OVERRULE, Missing, given_options, not_stated
+from fltea.recording.reading import OVERRULE, Missing, given_options, not_stated, says_otherwise
 from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, SAME_RATE, SECONDS, ClockColumns, Floats
 from fltea.recording.units import accel_unit, rate_unit, time_scale, time_unit
 from fltea.records.errors import UsageError
@@ -37,10 +37,8 @@ def check_clock(choice: Choice, clock: ClockColumns) -> None:
     given_hz = how.rate_hz or 0.0
     for why, stated_hz in choice.stated_rates().items() if given_hz and not how.overrule else ():
         if len(choice.stated_rates()) == 1 and abs(given_hz / stated_hz - 1) > SAME_RATE:
-            raise UsageError(
-                f'{choice.where}: "{why.removeprefix("the head: ")}" stands in the head, and --rate '
-                f"{given_hz:g} says otherwise. Leave --rate out. {OVERRULE}"
-            )
+            fact = f'"{why.removeprefix("the head: ")}" stands in the head'
+            raise says_otherwise(choice.where, fact, "--rate", f"{given_hz:g}")
     if clock.time is None:
         return
     name = choice.names[clock.time]
@@ -50,11 +48,11 @@ def check_clock(choice: Choice, clock: ClockColumns) -> None:
         if scale is not None and counted is not None and is_in_head and how.time_unit != counted[0]:
             ratio = SECONDS[counted[0]] * counted[1] * scale / SECONDS[how.time_unit]
             if abs(ratio - 1) > SAME_RATE and not how.overrule:
-                raise UsageError(
-                    f"{choice.where}: {dialect.time_scale} {scale:g} stands in the head, by which 1 in "
-                    f"{listed([name])} is {scale:g} {dialect.time_unit}, and --time-unit {how.time_unit} "
-                    f"says otherwise. Leave --time-unit out. {OVERRULE}"
+                fact = (
+                    f"{dialect.time_scale} {scale:g} stands in the head, by which 1 in {listed([name])} is "
                 )
+                fact += f"{scale:g} {dialect.time_unit}"
+                raise says_otherwise(choice.where, fact, "--time-unit", how.time_unit)
         ticks = dialect.time_scale or ("" if dialect.time_ticks == 1.0 else f"{dialect.time_ticks:g}")
         if not is_in_head and (ticks or time_unit(dialect.time_unit) != how.time_unit):
             counts = f"by {dialect.name} it counts {ticks} {dialect.time_unit}".replace("  ", " ")

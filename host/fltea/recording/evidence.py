@@ -22,7 +22,15 @@ from fltea.recording.column_names import (
 )
 from fltea.recording.dialects import Dialect, Facts, columns_of, nearest
 from fltea.recording.files import TIME_COLUMN, Note, listed
-from fltea.recording.reading import OVERRULE, Answer, Evidence, Missing, Question, given_options, not_stated
+from fltea.recording.reading import (
+    Answer,
+    Evidence,
+    Missing,
+    Question,
+    given_options,
+    not_stated,
+    says_otherwise,
+)
 from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, PLAUSIBLE_HZ, ClockColumns, Floats
 from fltea.recording.split_times import SplitTimes, split_times
 from fltea.recording.text_head import stated_in
@@ -211,10 +219,8 @@ class Choice:
         stated = time_scale(beside) or time_scale_of(name)
         if given is not None and stated is not None and (given, 1.0) != stated and not self.how.overrule:
             in_file = stated[0] if stated[1] == 1.0 else beside or unit_in(name)
-            raise UsageError(
-                f"{self.where}: the column {listed([name])} is in {in_file} by its name or line of "
-                f"units, and --time-unit {given} says otherwise. Leave --time-unit out. {OVERRULE}"
-            )
+            fact = f"the column {listed([name])} is in {in_file} by its name or line of units"
+            raise says_otherwise(self.where, fact, "--time-unit", given)
         unit: TimeUnit | None = given
         if given is None and stated is not None:
             unit, factor = stated

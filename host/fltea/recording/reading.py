@@ -59,6 +59,11 @@ ASK = "Say it, with the right value for each ?: "
 """Text before the options in a `NotStated` message. Callers insert the command to type after this text."""
 
 
+def says_otherwise(where: str, fact: str, option: str, given: object) -> UsageError:
+    """Return the error for an option, whose value is `given`, that contradicts a fact about the file."""
+    return UsageError(f"{where}: {fact}, and {option} {given} says otherwise. Leave {option} out. {OVERRULE}")
+
+
 class NotStated(UsageError):
     """Raised if facts about a file are missing that the user must state.
 

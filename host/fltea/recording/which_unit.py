@@ -11,7 +11,7 @@ import numpy as np
 from fltea.recording.column_names import rate_unit_of, unit_in
 from fltea.recording.evidence import Choice
 from fltea.recording.files import Note, listed
-from fltea.recording.reading import OVERRULE, Missing
+from fltea.recording.reading import OVERRULE, Missing, says_otherwise
 from fltea.recording.text_head import stated_in
 from fltea.recording.units import is_physical, parse_units, rate_unit
 from fltea.records.errors import UsageError
@@ -144,11 +144,9 @@ def _given(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None], ch
             if parsed == by_dialect or abs(read / said - 1) < ALIKE:
                 parsed = (said, None) if parsed == by_dialect else parsed
                 return Unit(units, *_whole(choice, parsed, gyro))
-            raise UsageError(
-                f"{choice.where}: {dialect.gyro_scale} {scale:g} stands in the head: times that, the numbers "
-                f"are {dialect.gyro_unit} ({dialect.name}), and --units {units} says otherwise. Leave "
-                f"--units out. {OVERRULE}"
-            )
+            fact = f"{dialect.gyro_scale} {scale:g} stands in the head: times that, the numbers are "
+            fact += f"{dialect.gyro_unit} ({dialect.name})"
+            raise says_otherwise(choice.where, fact, "--units", units)
         if by_dialect != parsed:
             text = (
                 f"read in {units}, as --units says; by {dialect.name} they would be in {dialect.gyro_unit}."
@@ -169,10 +167,8 @@ def _check_given(
             choice.notes.append(Note("reading", f"{choice.where}: {text}"))
             return
         by = why if why.startswith("the head") else "its name or the row of units"
-        raise UsageError(
-            f"{choice.where}: {listed([choice.names[place]])} is in {unit} by {by}, "
-            f"and --units {choice.how.units} says otherwise. Leave --units out. {OVERRULE}"
-        )
+        fact = f"{listed([choice.names[place]])} is in {unit} by {by}"
+        raise says_otherwise(choice.where, fact, "--units", choice.how.units)
 
 
 def _of_dialect(choice: Choice, gyro: Sequence[int]) -> Unit | None:
