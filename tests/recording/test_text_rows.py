@@ -116,6 +116,18 @@ def test_without_a_header_positions_or_as_many_fields_as_names() -> None:
     assert found(RATE, b"1,2,3\n") == found(How(rate_hz=9.0), b"1,2,3\n") == []
 
 
+def test_blanks_may_stand_in_place_of_some_tabs() -> None:
+    text = b"t\tgx\tgy\n0.5\t1\t2\n1.5\t3 4\n2.5 5 6\n3.5\t\t7\n4.5\t8\n"
+    parser = TextReader("x", TIMED)
+    assert rows_of(parser, text) == [
+        (0, [1.0, 2.0, 0.5]),
+        (1, [3.0, 4.0, 1.5]),
+        (2, [5.0, 6.0, 2.5]),
+        (3, [None, 7.0, 3.5]),
+    ]
+    assert parser.bad.counts == {"fields": 1}
+
+
 def test_a_line_that_looks_like_a_sample_takes_a_number_and_a_message_takes_none() -> None:
     text = b"gx,gy\n1,2\n1,\nhello\n3\n1,2x\nnan,1\n# remark\n5,6\n"
     parser = TextReader("x", RATE)

@@ -151,6 +151,9 @@ class RowParser:
                 fields = next(csv.reader([text.rstrip(" \r")], delimiter=layout.separator, strict=True), [])
             else:
                 fields = text.split(layout.separator)
+            words = text.split() if layout.separator == "\t" and len(fields) < layout.least else []
+            if len(words) >= layout.least and all(map(is_number, words)):
+                fields = words  # here blanks stand in place of some tabs
         except csv.Error as error:
             return "number", f"cannot be read as CSV ({error})."
         filled = len(fields)

@@ -84,8 +84,8 @@ def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> N
         return
     if gyro:
         what = listed([choice.names[p] for p, unit in zip(gyro, stated, strict=True) if unit is None])
-        known = next(filter(None, stated), None)
-        some = f" ({listed([choice.names[gyro[0]]])} says {known})" if known else ""
+        known = [f"{listed([choice.names[p]])} says {u}" for p, u in zip(gyro, stated, strict=True) if u]
+        some = f" ({known[0]})" if known else ""
         choice.asked.missing.append(Missing(f"the unit of {what}{some}", "--units ?"))
     elif not any(map(rate_unit_of, choice.names)) and not any(map(rate_unit, choice.units)):
         choice.asked.missing.append(Missing("their unit", "--units ?"))
