@@ -12,7 +12,7 @@ from tests.rig.text_files import refusal, stored
 
 N = 300
 GYRO, ACCEL = "time_s,gx [dps],gy [dps],gz [dps]", "time_s,ax [m/s^2],ay [m/s^2],az [m/s^2]"
-BARE = "time_s,x,y,z"
+BARE, G_BARE = "time_s,x,y,z", "time_s,gx,gy,gz"
 
 
 def rows(first: float, times: bool = True) -> list[str]:
@@ -112,7 +112,7 @@ def test_the_figures_that_a_question_shows_are_of_one_block(tmp_path: Path) -> N
 def test_words_between_rows_are_no_names_of_columns(line: str, tmp_path: Path) -> None:
     found = stored(tmp_path, text_of([GYRO], rows(0)[:200], [line], rows(0)[200:]))
     assert found.samples == N
-    assert not any("are not the gyroscope's" in note.text for note in found.notes)
+    assert not any("are not of the columns" in note.text for note in found.notes)
 
 
 def test_names_that_are_repeated_above_rows_given_by_position_go_on(tmp_path: Path) -> None:
@@ -121,6 +121,50 @@ def test_names_that_are_repeated_above_rows_given_by_position_go_on(tmp_path: Pa
     text = text_of([line], [f"{row},7" for row in rows(0)], [line], [f"{row},7" for row in rows(0)])
     found = stored(tmp_path, text, columns=["2", "3", "4"], units="dps", rate_hz=100.0)
     assert found.samples == 2 * N
+
+
+UNITS = "s,deg/s,deg/s,deg/s"
+
+
+@pytest.mark.parametrize(
+    ("head", "other"),
+    [
+        (f"time_s,gx,gy,gz\n{UNITS}", f"time_s,gx,gy,gz\n{UNITS.replace('deg', 'rad')}"),
+        (f"time_s,gx,gy,gz\n{UNITS}", UNITS.replace("deg", "rad")),
+        (f"time,gx,gy,gz\n{UNITS}", f"time,gx,gy,gz\nm{UNITS}"),
+        (f"# gyro in deg/s\n{G_BARE}", f"# gyro in rad/s\n{G_BARE}"),
+        (f"Units: deg/s\n{G_BARE}", "Units: rad/s"),
+    ],
+)
+def test_a_later_block_in_another_unit_is_left_out(head: str, other: str, tmp_path: Path) -> None:
+    found = stored(tmp_path, text_of([head], rows(0), [other], rows(0)))
+    assert found.samples == N
+    assert any("rows below" in note.text for note in found.notes)
+    again = stored(tmp_path, text_of([head], rows(0), [other], rows(100), [head], rows(0)))
+    assert again.samples == 2 * N
+    assert np.abs(again.whole().gyro).max() < 20
+    both = stored(tmp_path, text_of([head], rows(0), [head], rows(0)))
+    assert both.samples == 2 * N
+
+
+@pytest.mark.parametrize("scale", ["scale: 131 LSB/(deg/s)", "gyro sensitivity 131 LSB/dps"])
+def test_a_later_block_of_counts_with_another_scale_is_left_out(scale: str, tmp_path: Path) -> None:
+    """The comment in the middle does not count among the rows, so the numbers are known to be counts."""
+    counts = [f"{k / 100:.2f},{k % 7},{k % 5},{k % 3}" for k in range(N)]
+    text = text_of([f"# {scale}", "time_s,gx,gy,gz"], counts, [f"# {scale.replace('131', '65.5')}"], counts)
+    found = stored(tmp_path, text)
+    assert (found.samples, found.lsb_per_dps) == (N, 131.0)
+
+
+@pytest.mark.parametrize("how", [{}, {"rate_hz": 100.0}])
+def test_a_later_block_of_another_rate_is_left_out(how: dict[str, object], tmp_path: Path) -> None:
+    """A column of times says the rate of each block, so there the line in words does not matter."""
+    names, plain = GYRO.partition(",")[2], rows(0, times=False)
+    text = text_of(["# rate: 100 Hz", names], plain, ["# rate: 200 Hz", names], plain)
+    assert stored(tmp_path, text, **how).samples == N
+    assert stored(tmp_path, text, **how, overrule=True).samples == 2 * N
+    text = text_of(["# rate: 100 Hz", GYRO], rows(0), ["# rate: 200 Hz", GYRO], rows(0))
+    assert stored(tmp_path, text).samples == 2 * N
 
 
 @pytest.mark.parametrize("size", [1, 7, 300, 4096])

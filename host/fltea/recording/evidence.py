@@ -210,8 +210,8 @@ class Choice:
                     return ClockColumns(place, "s", 1.0, self.names.index(two[2]), 1e-9)
         is_free = self.wanted.time is None and self.how.rate_hz is None
         if is_free and place in [pair.whole for pair in self.split.doubtful]:
-            fine = listed([self.names[self.split.doubtful[0].fine]])
-            what = f"the times: by its values {fine} is a fraction of {listed([self.names[place]])}, "
+            part = listed([self.names[self.split.doubtful[0].fine]])
+            what = f"the times: by its values {part} is a fraction of {listed([self.names[place]])}, "
             self.asked.missing.append(Missing(f"{what}but not in the unit of its name", "--time-column ?"))
             return ClockColumns(place, given)
         self.check_names_against_units([place], time_scale_of, time_scale, "--time-unit")

@@ -1,7 +1,8 @@
-"""Leaves out the rows of a text that stand below a line with the names of other columns.
+"""Leaves out the rows of a text that stand below a line with the names of other columns, or with other facts.
 
 Some programs write one file in blocks: first the rows of the gyroscope, then a line that names the columns
-of, say, the accelerometer, and its rows. Without the names, the rows of both look alike.
+of, say, the accelerometer, and its rows. Without the names, the rows of both look alike. A later block may
+also state another unit or another sampling rate, for instance if two files were joined.
 """
 
 import re
@@ -9,15 +10,22 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from fltea.recording.column_names import accel_axis_of, axis_of, is_time, unit_in
+from fltea.recording.columns import Chosen
 from fltea.recording.raw_lines import shown
 from fltea.recording.row_layout import Layout
 from fltea.recording.text_fields import COMMENTS, is_comment, separator_of, split, units_in, words_with_units
+from fltea.recording.text_head import stated_in
 from fltea.recording.text_numbers import decoded
-from fltea.recording.units import is_unit
+from fltea.recording.units import is_unit, parse_units, rate_unit, time_scale
 from fltea.recording.wanted import is_missing, is_number
 
-_OF_WORDS = re.compile(rb'\n[ \t]*["#%/A-Za-z_](?:[^\n,;\t ]|[,;\t ](?![-+.]?\d))*(?=\n|\Z)')
-"""Matches a line that begins with a word, and in which no field begins with a number."""
+_OF_WORDS = re.compile(
+    rb'\n[ \t]*(?:["#%/A-Za-z_](?:[^\n,;\t ]|[,;\t ](?![-+.]?\d))*(?=\n|\Z)'
+    rb"|(?:[#%]|//|[A-Za-z][^\n,;\t\d:=]{1,60}[:=])[^\n]*)"
+)
+"""Matches a line that begins with a word and has no field that begins with a number, a comment, or a line
+that begins with words and a colon.
+"""
 
 _NO_WORD = ("", *"0123456789+-.,;\t")
 
@@ -40,20 +48,27 @@ _OF_OTHER = _title(
 MOST_CHECKS, MOST_KNOWN = 200, 1000
 """At most MOST_CHECKS different lines in a block are examined, and at most MOST_KNOWN are remembered."""
 
-_Kind = Literal["names", "other names", "gyroscope", "other title", ""]
-"""Kind of a line: names of columns as above the first row, or names or a title of the gyroscope or others."""
+_Kind = Literal["names", "gyroscope", "other names", "other title", "facts", "other facts", ""]
+"""Kind of a line: names of columns as above the first row; names or a title of the gyroscope or of others;
+the unit or the rate as known before, or another one.
+"""
+
+SAME_RATE, SAME_SCALE = 0.1, 0.02
+"""Rates, and scales, count as equal if their relative difference is at most this."""
 
 
 class LeftOut(NamedTuple):
-    """Lines that are left out: `count` lines from number `line` on, from 1. `why`: reason, for the user."""
+    """`rows` lines that are left out, from number `line` on, from 1. `why`: reason, for the user."""
 
     line: int
-    count: int
+    rows: int
     why: str
 
 
 class OtherColumns:
-    """Finds lines that name other columns than the gyroscope's, and leaves out the rows below them.
+    """Finds lines that name other columns than the gyroscope's, or another unit or rate.
+
+    The rows below them are left out, up to a line that names the gyroscope's columns again.
 
     `is_header`: function that returns whether a line names the columns to read, or stood above the first row.
     """
@@ -61,7 +76,8 @@ class OtherColumns:
     def __init__(self, is_header: Callable[[str], bool]) -> None:
         self._is_header = is_header
         self._known: dict[str, _Kind] = {}
-        self._names, self._is_titled, self._checks = "", False, 0
+        self._layout: Layout | None = None
+        self._below, self._is_titled, self._has_facts, self._checks = "", False, False, 0
         self._ends: set[int] = set()
 
     def begin(self, layout: Layout, above: Sequence[str]) -> None:
@@ -72,7 +88,7 @@ class OtherColumns:
         is_given = any(one.question == "columns" and one.evidence == "given" for one in layout.chosen.answers)
         titles = [line for line in above if _OF_GYRO.fullmatch(line) or _OF_OTHER.fullmatch(line)]
         if is_given and titles and _OF_OTHER.fullmatch(titles[-1]):
-            self._names, self._is_titled = shown(titles[-1].strip()), True
+            self._below, self._is_titled = shown(titles[-1].strip()), True
 
     def ends_at(self, line: int) -> bool:
         """Return whether rows that were left out end at this line, one of those that `only` returned last."""
@@ -85,28 +101,39 @@ class OtherColumns:
         """
         self._ends.clear()
         words = list(_lines_of_words(data)) if layout.parse is None else []
-        if not (words or self._names):
+        if not (words or self._below):
             return data, []
+        if layout is not self._layout:
+            self._layout = layout
+            self._known.clear()
         lines, left_out = data.split(b"\n"), list[LeftOut]()
         self._checks, begin = MOST_CHECKS, 0
         for k in [*words, len(lines)]:
-            kind = self._kind(layout, decoded(lines[k]).strip()) if k < len(lines) else ""
-            goes_on = kind in ("other names", "other title") or (self._is_titled and kind == "names")
-            if self._names and k < len(lines) and (not kind or goes_on):
-                self._is_titled |= kind == "other title"
-                continue
-            if self._names:
-                count = sum(1 for line in lines[begin:k] if line.strip())
-                why = f"the rows below {self._names} are not the gyroscope's."
-                left_out += [LeftOut(first + begin, count, why)] if count else []
+            before = self._below
+            if k < len(lines):
+                self._pass(layout, decoded(lines[k]).strip())
+            if before and (not self._below or k == len(lines)):
+                rows = sum(1 for line in lines[begin:k] if line.strip())
+                why = f"the rows below {before} are not of the columns, the unit or the rate that are read."
+                left_out += [LeftOut(first + begin, rows, why)] if rows else []
                 lines[begin:k] = [b""] * (k - begin)
-            if kind in ("names", "gyroscope") and self._names:
-                self._names, self._is_titled = "", False
-                self._ends.add(first + k)
-            elif goes_on:
-                self._names, self._is_titled = shown(decoded(lines[k]).strip()), kind == "other title"
+                if not self._below:
+                    self._ends.add(first + k)
+            elif not before:
                 begin = k
         return b"\n".join(lines), left_out
+
+    def _pass(self, layout: Layout, text: str) -> None:
+        """Decide whether the rows below a line are left out."""
+        kind = self._kind(layout, text)
+        if kind.startswith("other"):
+            self._below = self._below or shown(text)
+            self._is_titled |= kind == "other title"
+            self._has_facts |= kind == "other facts"
+        elif kind == "facts":
+            self._has_facts = False
+        elif (kind == "gyroscope" or (kind == "names" and not self._is_titled)) and not self._has_facts:
+            self._below, self._is_titled = "", False
 
     def _kind(self, layout: Layout, text: str) -> _Kind:
         found = self._known.get(text)
@@ -126,8 +153,40 @@ class OtherColumns:
         if text in layout.again[:1] or names == layout.chosen.names or self._is_header(text):
             return "gyroscope" if any(map(axis_of, names)) else "names"
         is_loose = layout.separator is None or is_comment(text)
-        is_other = _are_others(names, layout.chosen.names, layout.usual, is_loose=is_loose)
-        return "other names" if is_other else ""
+        if _are_others(names, layout.chosen.names, layout.usual, is_loose=is_loose):
+            return "other names"
+        if layout.chosen.rate.overrule:
+            return ""
+        if (units := units_in(text)) is not None and len(units) == len(layout.chosen.names):
+            return "" if _are_same_units(units, layout.chosen) else "other names"
+        said = _said(text, layout.chosen)
+        return "" if not said else "facts" if all(said) else "other facts"
+
+
+def _are_same_units(units: Sequence[str], chosen: Chosen) -> bool:
+    """Return whether no unit in a row of units contradicts those that are read."""
+    clock = None if chosen.time is None or chosen.clock.unit is None else time_scale(units[chosen.time])
+    are_rates = all(_same_unit(units[place], chosen.unit.name) is not False for place in chosen.gyro)
+    return are_rates and clock in (None, (chosen.clock.unit, chosen.clock.factor))
+
+
+def _said(text: str, chosen: Chosen) -> list[bool]:
+    """Return, for each unit and rate that a line states in words, whether it is that which is read."""
+    rates, units = stated_in(text)
+    found = [_same_unit(unit, chosen.unit.name) for unit in units.values()]
+    if chosen.time is None and chosen.rate.hz is not None:
+        found += [abs(rate_hz / chosen.rate.hz - 1) <= SAME_RATE for rate_hz in rates.values()]
+    return [one for one in found if one is not None]
+
+
+def _same_unit(said: str, name: str) -> bool | None:
+    """Return whether two units are the same; None if they cannot be compared."""
+    if rate_unit(said) is None and not said.startswith("lsb:"):
+        return None
+    (factor, lsb), (known, counts) = parse_units(said), parse_units(name)
+    if (lsb is None) != (counts is None):
+        return None
+    return abs(factor / (lsb or 1.0) / (known / (counts or 1.0)) - 1) <= SAME_SCALE
 
 
 def without_others(lines: Sequence[str], names: Sequence[str] | None, width: int) -> Sequence[str]:

@@ -229,6 +229,8 @@ def _rows(lines: Sequence[str], names: Sequence[str], width: int, tag: str) -> l
     names = names if is_by_name else ()
     rows: list[list[Any]] = []
     for line, found in zip(lines, named, strict=True):
+        if is_comment(line):
+            continue
         if _has(found, line, {*names} or {""}):
             rows.append([found.get(name) for name in names])
             continue

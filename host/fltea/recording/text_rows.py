@@ -186,7 +186,7 @@ class TextReader:
         """Leave out the rows that stand below names of other columns, and count them."""
         data, left_out = self._headers.others.only(layout, data, self.lines + 1)
         for one in left_out:
-            self.bad.add(one.line, "header", one.why, one.count)
+            self.bad.add(one.line, "header", one.why, one.rows)
         return data
 
     def _find(self, data: bytes, begin: int) -> int | None:
