@@ -20,6 +20,45 @@ def stamped(times: Sequence[Any], name: str = "timestamp") -> list[dict[str, Any
     return [{name: t, "gyro_dps": row} for t, row in zip(times, at_rest().tolist(), strict=True)]
 
 
+def two_numbers(form: str) -> list[dict[str, Any]]:
+    """Return messages whose time is in two fields; two seconds of them are missing."""
+    kept = [k for k in range(N) if not 400 <= k < 800]
+    rows = at_rest().tolist()
+    found = []
+    for k in kept:
+        ns = STAMPS[k] - STAMPS[0] // 10**9 * 10**9
+        s, ms, us = ns // 10**9, ns // 10**6, ns // 1000
+        time = {
+            "sec, msec": {"sec": s, "msec": ms % 1000},
+            "stamp": {"stamp": {"secs": s, "usecs": us % 10**6}},
+            "both": {"time_s": ns / 1e9, "time_us": us},
+            "both ms": {"time_s": ns / 1e9, "time_ms": ms},
+            "coarse": {"time_s": s, "time_us": us},
+        }[form]
+        found.append({**time, "gyro_dps": rows[k]})
+    return found
+
+
+@pytest.mark.parametrize("form", ["sec, msec", "stamp", "both", "both ms"])
+def test_the_second_number_of_a_time_is_a_part_of_the_first_or_a_whole_time(
+    form: str, tmp_path: Path
+) -> None:
+    """If it is a whole time in another unit, it is not added to the first."""
+    arrivals = [stamp for k, stamp in enumerate(STAMPS) if not 400 <= k < 800]
+    stored = open_bag(write_objects(tmp_path / "a.mcap", two_numbers(form), arrivals))
+    assert stored.rate_hz == pytest.approx(RATE_HZ)
+    seq = stored.whole().seq
+    assert seq is not None
+    assert seq[-1] == N - 1
+
+
+def test_stamps_of_whole_seconds_are_no_clock(tmp_path: Path) -> None:
+    arrivals = [stamp for k, stamp in enumerate(STAMPS) if not 400 <= k < 800]
+    stored = open_bag(write_objects(tmp_path / "a.mcap", two_numbers("coarse"), arrivals))
+    assert stored.rate_hz == pytest.approx(RATE_HZ)
+    assert "stamps in a row are the same, so the times of arrival are used" in told(stored)["bag_stamps"]
+
+
 @pytest.mark.parametrize("unit_s", [1.0, 1e-3, 1e-6, 1e-9])
 def test_arrivals_tell_the_unit_of_times(tmp_path: Path, unit_s: float) -> None:
     """The board counts the time from power-up in an unknown unit. Some stamps are missing."""

@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.recording.bag_names import Layout
-from fltea.recording.message_stamps import Stamps, Times, even, is_uneven, judge
+from fltea.recording.message_stamps import AROUND, Stamps, Times, even, is_uneven, judge
 from fltea.recording.reading import OVERRULE, Answer, Missing, given_options, not_stated, says_otherwise
 from fltea.recording.sample_times import SECONDS, Floats, Ints
 from fltea.recording.session import LATEST_NS
+from fltea.recording.split_times import are_parts
 from fltea.recording.timing import POSSIBLE_HZ, check_given
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
@@ -62,7 +63,13 @@ def given_ticks(where: str, layout: Layout, how: How) -> Ticks | None:
 
 
 def measured_ticks(layout: Layout, time: Floats, arrival_ns: Ints) -> Ticks:
-    """Return the unit of the time stamps that the file states, or else the unit that arrival times show."""
+    """Return the unit of the time stamps that the file states, or else the unit that arrival times show.
+
+    The second of two numbers may be another complete time instead of a part of the first. Then it is not
+    used.
+    """
+    if len(layout.time_s) == 2 and not are_parts(time[:, 0], time[:, 1] * layout.time_s[1]):
+        return Ticks(layout.time_s[:1])
     if layout.time_s or time.shape[1] != 1 or len(time) < FEWEST:
         return Ticks(layout.time_s)
     span, arrival_s = np.ptp(time[:, 0]), np.ptp(arrival_ns) * 1e-9
@@ -111,8 +118,9 @@ def judged(
     """
     given_hz = how.rate_hz
     known = bool((np.abs(arrival_ns) <= LATEST_NS).all() and np.ptp(arrival_ns) > 0)
-    no_stamps = not np.ptp(stamp_ns)
-    problems = [_without_stamps(layout, ticks, stamp_ns)] if no_stamps else []
+    alike = _alike(stamp_ns)
+    no_stamps = not np.ptp(stamp_ns) or alike > AROUND
+    problems = [_without_stamps(layout, ticks, stamp_ns, alike)] if no_stamps else []
     if given_hz is not None:
         check_given(where, given_hz, overrule=how.overrule)
     try:
@@ -170,9 +178,17 @@ def _check_stamps(
         )
 
 
-def _without_stamps(layout: Layout, ticks: Ticks | None, stamp_ns: Times) -> str:
+def _alike(stamp_ns: Times) -> int:
+    """Return how many stamps in a row are usually the same."""
+    ends = np.flatnonzero(np.diff(stamp_ns))
+    return int(np.median(np.diff([-1, *ends, len(stamp_ns) - 1])))
+
+
+def _without_stamps(layout: Layout, ticks: Ticks | None, stamp_ns: Times, alike: int) -> str:
     value = "0" if not stamp_ns[0] else "the same"
     what = f"the stamps of all message headers are {value}"
+    if alike < len(stamp_ns):
+        what = f"some {alike} stamps in a row are the same"
     if layout.time and not (ticks and ticks.seconds):
         what = f"nothing says the unit of {layout.time[0]} (--time-unit ?)"
     return f"{what}, so the times of arrival are used; gaps and rate are only as good as these times"

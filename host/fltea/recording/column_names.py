@@ -231,15 +231,12 @@ def states_units(name: str) -> bool:
 
 
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
-    """Return, for each column of whole seconds, the column of fractions to add, and their unit [s].
-
-    Only names count, so columns of milliseconds are left out: these are often complete times.
-    """
+    """Return, for each column of whole seconds, the column of fractions by its name, and their unit [s]."""
     parts: dict[int, tuple[int, float]] = {}
     bases = {}
     for place, name in enumerate(names):
         found = fraction_of_seconds(name)
-        if found is not None and found[1] < 1e-3:
+        if found is not None:
             bases[found[0]] = place, found[1]
     for place, name in enumerate(names if bases else ()):
         base = whole_seconds(name)

@@ -61,14 +61,21 @@ def _named(names: Sequence[str]) -> Iterator[tuple[SplitTime, bool]]:
     if not fractions:
         return
     seconds = {
-        k: found
+        k: base
         for k, name in enumerate(names)
-        if k not in fractions and (found := whole_seconds(name)) is not None
+        if k not in fractions and (base := whole_seconds(name)) is not None
     }
     for fine, (base, fine_s) in fractions.items():
         for whole in sorted(seconds, key=lambda k: (abs(k - fine), k)):
             if seconds[whole] == base or not base:
                 yield SplitTime(whole, fine, fine_s), seconds[whole] == base
+
+
+def are_parts(whole: Floats, fine_s: Floats) -> bool:
+    """Return whether numbers can be whole seconds and fractions of these [s]; True if there is no number."""
+    known = np.isfinite(whole) & np.isfinite(fine_s)
+    is_part = (fine_s >= 0) & (fine_s < 1) & (whole == np.rint(whole))
+    return not known.any() or float(is_part[known].mean()) >= EVEN_SHARE
 
 
 def _told(whole: Floats, fine_s: Floats) -> Literal["parts", "other unit", "unsorted", "no parts", "few"]:
@@ -81,8 +88,7 @@ def _told(whole: Floats, fine_s: Floats) -> Literal["parts", "other unit", "unso
     whole, fine_s = whole[known], fine_s[known]
     if not len(whole):
         return "few"
-    is_part = (fine_s >= 0) & (fine_s < 1) & (whole == np.rint(whole))
-    if is_part.mean() < EVEN_SHARE:
+    if not are_parts(whole, fine_s):
         return "no parts"
     if len(whole) == 1:
         return "few"
