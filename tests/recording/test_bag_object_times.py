@@ -28,14 +28,14 @@ def two_numbers(form: str) -> list[dict[str, Any]]:
     for k in kept:
         ns = STAMPS[k] - STAMPS[0] // 10**9 * 10**9
         s, ms, us = ns // 10**9, ns // 10**6, ns // 1000
-        time = {
+        times: dict[str, dict[str, Any]] = {
             "sec, msec": {"sec": s, "msec": ms % 1000},
             "stamp": {"stamp": {"secs": s, "usecs": us % 10**6}},
             "both": {"time_s": ns / 1e9, "time_us": us},
             "both ms": {"time_s": ns / 1e9, "time_ms": ms},
             "coarse": {"time_s": s, "time_us": us},
-        }[form]
-        found.append({**time, "gyro_dps": rows[k]})
+        }
+        found.append({**times[form], "gyro_dps": rows[k]})
     return found
 
 
