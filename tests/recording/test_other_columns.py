@@ -78,6 +78,21 @@ def test_without_times_a_block_that_is_left_out_is_no_lost_sample(tmp_path: Path
     assert len(again.gyro) == 2 * N
     assert again.epoch is not None
     assert again.epoch.tolist() == [0] * N + [1] * N
+    for line in ("Gyroscope", f"# {names[0][0]}"):
+        text = text_of(names[0], plain, ["Accelerometer"], other, [line], plain)
+        titled = stored(tmp_path, text, rate_hz=100.0).whole().epoch
+        assert titled is not None
+        assert titled.tolist() == again.epoch.tolist()
+
+
+def test_titles_at_equal_distances_do_not_end_a_run(tmp_path: Path) -> None:
+    """A program may print a title above each row, or above each block of a buffer."""
+    pairs = zip(rows(0, times=False), rows(100, times=False), strict=True)
+    text = text_of(*(["Gyroscope:", row, "Accelerometer:", other] for row, other in pairs))
+    found = stored(tmp_path, text, columns=["1", "2", "3"], units="dps", rate_hz=100.0)
+    assert is_gyro_alone(found)
+    epoch = found.whole().epoch
+    assert epoch is None or epoch.max() == 1
 
 
 @pytest.mark.parametrize("columns", [["x", "y", "z"], ["2", "3", "4"]])

@@ -78,7 +78,7 @@ class OtherColumns:
         self._known: dict[str, _Kind] = {}
         self._layout: Layout | None = None
         self._below, self._is_titled, self._has_facts, self._checks = "", False, False, 0
-        self._ends: set[int] = set()
+        self._ends: list[int] = []
 
     def begin(self, layout: Layout, above: Sequence[str]) -> None:
         """Use the lines above the first row: they may hold a title of other rows.
@@ -90,16 +90,17 @@ class OtherColumns:
         if is_given and titles and _OF_OTHER.fullmatch(titles[-1]):
             self._below, self._is_titled = shown(titles[-1].strip()), True
 
-    def ends_at(self, line: int) -> bool:
-        """Return whether rows that were left out end at this line, one of those that `only` returned last."""
-        return line in self._ends
+    def ended(self, line: int) -> list[int]:
+        """Return the lines, up to this one, at which rows that were left out end; each line only once."""
+        found = [end for end in self._ends if end <= line]
+        del self._ends[: len(found)]
+        return found
 
     def only(self, layout: Layout, data: bytes, first: int) -> tuple[bytes, list[LeftOut]]:
         """Return whole lines, in which those that are left out are empty, so that line numbers stay the same.
 
         `first`: number of the first of these lines, from 1.
         """
-        self._ends.clear()
         words = list(_lines_of_words(data)) if layout.parse is None else []
         if not (words or self._below):
             return data, []
@@ -118,7 +119,7 @@ class OtherColumns:
                 left_out += [LeftOut(first + begin, rows, why)] if rows else []
                 lines[begin:k] = [b""] * (k - begin)
                 if not self._below:
-                    self._ends.add(first + k)
+                    self._ends.append(first + k)
             elif not before:
                 begin = k
         return b"\n".join(lines), left_out

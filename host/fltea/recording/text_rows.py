@@ -7,6 +7,7 @@ was meant as a sample, one sequence number is left out, so that the numbers show
 import math
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -266,8 +267,6 @@ class TextReader:
                 begin = end + 1
                 continue
             text = decoded(data[begin:end])
-            if self._headers.others.ends_at(self.lines + 1):
-                self._numbers.begin()
             values = parser.one(text)
             is_row = isinstance(values, list)
             is_plain, is_first = is_row or is_first, is_row
@@ -300,6 +299,7 @@ class TextReader:
         """Handle a line of column names or units that occurs again; return the parser for the next rows."""
         known = self._headers.layouts.get(line)
         if known is not None:
+            self._headers.others.ended(self.lines + 1)
             again = data.find(data[begin:end], end)
             self._numbers.repeat_header(data.count(b"\n", end + 1, again) if again > 0 else -1)
             if line != parser.layout.again[0]:
@@ -311,8 +311,15 @@ class TextReader:
     def _add(self, layout: Layout, rows: Ints, values: Floats, pieces: list[Rows]) -> None:
         if not len(rows):
             return
-        ordinal, begins = self._numbers.take(len(rows))
-        pieces.append(Rows(self.lines + 1 + rows, layout.chosen.scale(values), ordinal, begins))
+        numbers, values = self.lines + 1 + rows, layout.chosen.scale(values)
+        ends = self._headers.others.ended(int(numbers[-1]))
+        cuts = np.searchsorted(numbers, ends).tolist() if ends else []
+        for k, (begin, end) in enumerate(pairwise([0, *cuts, len(rows)])):
+            if k:
+                self._numbers.repeat_header(-1)
+            if end > begin:
+                ordinal, begins = self._numbers.take(end - begin)
+                pieces.append(Rows(numbers[begin:end], values[begin:end], ordinal, begins))
 
 
 def _by_run(pieces: list[Rows]) -> list[Rows]:
