@@ -27,6 +27,9 @@ _OF_WORDS = re.compile(
 that begins with words and a colon.
 """
 
+_OF_NUMBERS = b'0123456789+-.,;eE" \t\r\n'
+"""Characters of rows of numbers. If a block of lines has no others, it has no words; this is quickly seen."""
+
 _NO_WORD = ("", *"0123456789+-.,;\t")
 
 _NAME = re.compile(r"[^\W\d]\w*(?:[ ./-]\w+)*(?:\s*[\[({<].*[\])}>])?")
@@ -101,7 +104,8 @@ class OtherColumns:
 
         `first`: number of the first of these lines, from 1.
         """
-        words = list(_lines_of_words(data)) if layout.parse is None else []
+        may_be = layout.parse is None and bool(data.translate(None, _OF_NUMBERS))
+        words = list(_lines_of_words(data)) if may_be else []
         if not (words or self._below):
             return data, []
         if layout is not self._layout:
