@@ -31,8 +31,9 @@ UNINTERRUPTED_S = 0.45
 class Scene:
     """A simulated board on a serial port, and the daemon that records what the board sends.
 
-    `settings`: flags of `fltea run`. `board`: an existing board. `source`: options that name the source, if
-    it is not the board's port. `boot`: see `Board.boot`. `how`: see `Program`.
+    `settings`: flags of `fltea run`. `board`: the board to use; without it a new board is made. `source`:
+    options that name the daemon's source, by default the board's port. `boot`: see `Board.boot`. `how`: see
+    `Program`.
     """
 
     def __init__(
@@ -88,9 +89,9 @@ class Scene:
         self.board.send_until(lambda: kind in self.programs[-1].errors(), kind)
 
     def finish(self, *, after: int = AFTER) -> None:
-        """Send `after` more samples, and end the program that was started last.
+        """Send `after` more samples. Once the newest program has received the last one, end this program.
 
-        Before the program's end, wait until it has received the last sample.
+        The newest program is the one that was started last.
         """
         self.board.send(after)
         i, k = max(self.board.arrived())
@@ -112,8 +113,8 @@ class Scene:
 
         Call `finish` first, if it has not been called yet.
 
-        `but`: name of the only output that may lose records. `excuse`, `line_is_known`: see `samples_of`.
-        `recording_is_whole`: whether the recording has to contain all bytes that were sent.
+        `but`: name of the only output that may lose records; empty if none may. `excuse`, `line_is_known`:
+        see `samples_of`. `recording_is_whole`: whether the recording has to contain all bytes that were sent.
         """
         if self.programs[-1].code is None:
             self.finish()
@@ -148,13 +149,13 @@ class Scene:
 def samples_of(
     board: Board, programs: Sequence[Sequence[Record]], *, excuse: str = "", line_is_known: bool = True
 ) -> Account:
-    """Account for each sampling instant of a board.
+    """Return what became of each sampling instant of a board: delivered, counted as lost, or excused.
 
     An instant is identified by its boot and its number in that boot.
 
-    `programs`: the records of the programs that listened, one after another. `excuse`: why no program can
-    know of some samples at the beginning or the end of a boot that were not delivered. If it is empty, there
-    must be no such samples. `line_is_known`: False if another program also read bytes from the serial port.
+    `programs`: the records of the programs that listened, one after another. `excuse`: why samples may be
+    missing before a boot's first delivered sample or after its last one. If it is empty, none may be missing
+    there. `line_is_known`: False if another program also read bytes from the serial port.
     """
     boots = {boot.boot_id: number for number, boot in enumerate(board.boots)}
     due = {(i, k) for i, boot in enumerate(board.boots) for k in range(boot.due)}
@@ -205,8 +206,7 @@ def check_totals(records: Sequence[Record]) -> list[str]:
 def faults_of(programs: Sequence[Program], board: Board) -> list[str]:
     """Return the kinds of errors that programs reported.
 
-    The kind `silent` is left out if the board really sent nothing for so long that a program has to report
-    it.
+    The kind `silent` says that no bytes arrive. It is left out if the board really sent nothing for so long.
     """
     was_silent = board.longest_silence_s > SILENCE_S - 1
     kinds = (kind for program in programs for kind in program.errors())
@@ -216,8 +216,9 @@ def faults_of(programs: Sequence[Program], board: Board) -> list[str]:
 class Recorded(NamedTuple):
     """Contents of a recording.
 
-    `wire`: all recorded bytes of the serial port. `gaps`: places where the recorder missed bytes. `steps_ns`:
-    Unix time minus the recording's own time, at the beginning and after each change.
+    `wire`: all recorded bytes of the serial port. `gaps`: the entries that say that bytes are missing.
+    `steps_ns`: Unix time minus the recording's own time, which never jumps: first at the beginning, then
+    after each jump of Unix time by more than a second.
     """
 
     wire: bytes
@@ -284,5 +285,5 @@ def time_stamps_off_ms(program: Program, *epochs: int) -> dict[str, float]:
 
 
 def bad_frames(program: Program) -> dict[str, float]:
-    """Return the number of frames that did not pass the program's checks, as a figure of the report."""
+    """Return a figure for `Outcome.figures`: the number of frames that did not pass the program's checks."""
     return {"bad frames": sum(program.of("stats")[-1]["link"]["bad_frames"].values())}

@@ -66,8 +66,8 @@ def _unplug_and_plug(scene: Scene, show: Callable[..., None] = lambda *devices: 
         # lost when the board is unplugged.
         scene.program.wait_for_sample(board.boots[-1].boot_id, board.boots[-1].due - 1)
         board.begin_frame()
-        # Hide the port before the unplugging, since the system then gives its name to the next new port of
-        # any program.
+        # Hide the port before the board is unplugged. After that, the system may give the port's name to a
+        # new port of another program, and the daemon would open that one.
         show()
         board.unplug()
         scene.program.wait_for(lambda: "no_port" in scene.program.errors(), "the loss")
@@ -102,9 +102,9 @@ def modem_manager_writes(stage: Stage) -> Outcome:
 
 
 def modem_bytes_in_the_stream(stage: Stage) -> Outcome:
-    """Send the bytes that would come back if the port echoed another program's writing.
+    """Send bytes of a modem command between frames and inside a frame.
 
-    They are sent between frames and inside a frame.
+    Such bytes come back from a port with an echo when ModemManager writes to it.
     """
     scene = Scene(stage)
     with scene.fault() as board:
@@ -130,7 +130,7 @@ def another_reader(stage: Stage) -> Outcome:
     def steal() -> None:
         nonlocal stolen
         while not stop.is_set():
-            # When bytes arrive, this thread wakes up at the same time as the daemon.
+            # Arriving bytes wake this thread and the daemon at the same time. Each of them gets some bytes.
             select.select([thief], [], [], 0.01)
             with contextlib.suppress(BlockingIOError):
                 stolen += len(os.read(thief, 64))
@@ -138,8 +138,8 @@ def another_reader(stage: Stage) -> Outcome:
     thread = threading.Thread(target=steal)
     with scene.fault() as board:
         thread.start()
-        # The other program reads during so few samples (fewer than `link.max_gap`) that the daemon begins no
-        # new epoch (run of samples) even if it gets none of them.
+        # The other program reads while 80 samples are sent, fewer than `link.max_gap`. So the daemon begins
+        # no new epoch (run of samples), even if it misses all 80.
         board.send(80)
         stop.set()
         thread.join()

@@ -11,8 +11,8 @@ from tools.faults.stage import Stage
 
 HOUR_NS = 3600 * 10**9
 FLUSHED_S = 1.0
-"""When the daemon is killed, the recording may lack the bytes that arrived in the last moments before. This
-is the longest permitted time [s].
+"""When the daemon is killed, bytes that arrived less than this time before may be missing in the recording
+[s].
 """
 
 

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from tools.faults.outcome import LOST, Outcome
 
 Bounds = float | tuple[float, float] | None
-"""The expected value of a number, or its smallest and largest permitted value, or None if the number depends
-on the machine's speed.
+"""What is expected of a number.
+
+A float: exactly this value. A pair: a value from the first to the second. None: any value, since the number
+depends on the machine's speed.
 """
 SOME = (1, math.inf)
 """Bounds of a number that depends on the machine's speed, but must not be 0."""
@@ -66,7 +68,10 @@ class Expected:
         return found
 
     def allows(self, reported: Sequence[str]) -> bool:
-        """Return whether the reported kinds are the expected ones, in the expected order if there is one."""
+        """Return whether the kinds of errors that were reported are those that this fault has to cause.
+
+        Their order has to be right, too, if one is expected.
+        """
         normal = {instead: kind for kind, instead in self.instead.items()}
         kinds = [normal.get(kind, kind) for kind in reported if kind not in self.perhaps]
         return (set(kinds) if isinstance(self.reported, frozenset) else tuple(kinds)) == self.reported

@@ -36,8 +36,8 @@ def broker_killed(stage: Stage) -> Outcome:
 def split(stage: Stage, *, seconds: float, lasts: bool) -> Outcome:
     """Suspend the process of the broker, so that no connection passes data.
 
-    `seconds`: duration of the suspension. `lasts`: whether the broker stays suspended, if necessary longer
-    than `seconds`, until the fleet has reported its loss.
+    `seconds`: shortest duration of the suspension. `lasts`: whether the broker also stays suspended until the
+    fleet has reported that the broker is lost.
     """
     scene = FleetScene(stage)
     scene.publish(1)
@@ -87,8 +87,8 @@ def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
         f"{scene.newest()} of {SENSORS * AXES} axes have their newest fit",
         *wrong,
         (("the broker is back." in scene.fleet.stderr) != bool(outages), "its return"),
-        # While the fleet is cut off, the broker keeps only the newest fit of each axis, so older ones may be
-        # replaced. The fits of the first round are not among them, since the fleet has received them before.
+        # While the fleet is cut off, the broker keeps only the newest fit of each axis. The fleet may miss
+        # all other fits, but not those of the first round: it received these before it was cut off.
         (
             not 0 <= replaced <= (scene.fits - SENSORS if outages else 0),
             f"{found['fits']} of {scene.fits} fits",

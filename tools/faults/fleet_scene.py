@@ -138,8 +138,8 @@ class FleetScene:
         """Return the outcome.
 
         `wrong`: pairs of a condition that must not be true, and the text to report if it is. `due`: number of
-        records that were published, by default of fits. `where`: numbers of records by what became of them,
-        by default the number of fits that the fleet received.
+        records that were published, by default the number of fits. `where`: for each thing that can become of
+        a record, the number of such records; by default only `taken`, the fits that the fleet received.
         """
         return Outcome(
             self.kinds(),

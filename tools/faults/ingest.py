@@ -24,8 +24,8 @@ from tools.frames_load import RATE_HZ
 PAST_LEASE_S = AWAY_S = 8.0
 DAY_NS = 86_400 * 10**9
 DISK, STORE = "160m", "96MB"
-"""Size of the server's disk, and limit of the server's store of messages. The limit is smaller than the disk,
-and leaves enough space for the streams that workers request.
+"""DISK: size of the server's disk. STORE: size to which the server limits its stored messages. STORE is
+smaller than the disk, but large enough for the streams (stored messages) that the workers create.
 """
 
 
@@ -81,7 +81,7 @@ def worker_cut_off(stage: Stage) -> Outcome:
 def clock_jumps(stage: Stage, *days: int) -> Outcome:
     """Set a worker's clock ahead of the true time several times, then kill the worker.
 
-    `days`: for each time that the clock is set, the number of days by which it is then ahead.
+    `days`: one number for each setting: how many days the clock is then ahead of the true time.
     """
     scene, wrong = nats_scene(stage), []
     for ahead in days:
@@ -103,7 +103,7 @@ def _reported(workers: list[Program]) -> Counter[str]:
 def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
     """Kill the first worker, and wait until the second one has taken over all boards.
 
-    `wrong`: texts about errors that were found before.
+    `wrong`: what the caller has already found wrong, as texts for the outcome.
     """
     first, second = scene.workers
     before = boards_of(second)
@@ -119,10 +119,10 @@ def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
 
 
 def _processed_without_a_lease(records: list[dict[str, Any]], since: int) -> int:
-    """Count the samples that a worker delivered before it reported that it had taken a group of boards.
+    """Count the samples that a worker delivered too early: before it reported that it has a group of boards.
 
-    Samples with numbers below `since` are not counted, because they were on the way already when the worker
-    was stopped.
+    `since`: number of the first sample that is counted. Earlier samples were already on the way to the worker
+    when it was stopped.
     """
     lease = next(i for i, r in enumerate(records) if r["class"] == "error" and r["kind"] == "partition_taken")
     return sum(r["class"] == "sample" and r["seq"] >= since for r in records[:lease])
@@ -228,8 +228,8 @@ NATS_PERHAPS = PERHAPS | {"nats_lost", "nats_back"}
 def _nats(reported: frozenset[str], *, lost: Bounds = 0, perhaps: frozenset[str] = PERHAPS) -> Expected:
     """Return the expected outcome of a fault of NATS.
 
-    Any number of records may be missing without being counted as lost (`excused`), since the output of a
-    program may drop records. The output counts the dropped records.
+    `excused` is None, so any number of samples may be missing that no record counts as lost. The reason is
+    that a program's output may drop records; it counts them itself.
     """
     return Expected(reported, perhaps=perhaps, lost=lost, excused=None)
 

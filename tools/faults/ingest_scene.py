@@ -24,8 +24,8 @@ from tools.frames_load import RATE_HZ, Sensors
 
 DEVICES = 8
 EVERY_S = 0.5
-"""Time between two messages of a board [s]. Each message has the samples of one second, so samples come twice
-as fast as from real boards.
+"""Time between two messages of a board [s]. Each message has the samples of one second. So boards send two
+seconds of samples in each second, twice as many as real boards.
 """
 PARTITIONS, SNAPSHOT_S, KEPT_MB = 4, 2, 24
 OF_NATS = {
@@ -77,9 +77,8 @@ class Boards:
     def _next(self, *, acknowledged: bool = False) -> None:
         """Send messages that wait to be sent.
 
-        With QoS 0 send all of them, otherwise one, if all earlier ones are acknowledged.
-
-        With QoS 0, the MQTT library does not keep messages that it has sent, so their order cannot change.
+        With QoS 1, send one message, and only after the server has acknowledged the message before. With QoS
+        0, send all: the MQTT library keeps no sent messages then, so it cannot change their order.
         """
         with self._lock:
             self._sending = self._sending and self._qos > 0 and not acknowledged
@@ -106,8 +105,8 @@ class Scene:
 
     The programs are one program for an MQTT broker, or two workers for a NATS server.
 
-    `line`: the connection between the server and the first program, which can be cut. This program uses the
-    clock of the `Stage`.
+    `line`: the connection between the server and the first program, which can be cut. Only the first
+    program's clock is shifted by `Stage.set_clock`.
     """
 
     def __init__(self, stage: Stage, server: Broker | NatsServer, qos: int = 1) -> None:
@@ -132,10 +131,9 @@ class Scene:
         return self._stage.daemon("-s", url, "--format", "ndjson", *flags, **how)
 
     def until_all_by(self, *workers: Program, since: int = 0) -> None:
-        """Wait until these workers have processed new samples of all boards.
+        """Wait until, for each board, at least one of these workers has processed a new sample.
 
-        New samples are those with numbers from `since` on. For each board it is enough that one of the
-        workers has processed such a sample.
+        New samples are those whose numbers are at least `since`.
         """
         names = set(self.boards.names)
         wait_until(
@@ -172,9 +170,9 @@ def samples_of(
     more: str = "",
     wrong: Sequence[str] = (),
 ) -> Outcome:
-    """Return what became of the first `published` samples of each board.
+    """Return how many of each board's first `published` samples were delivered, counted as lost, or neither.
 
-    This function reads it from the records that the workers wrote.
+    The numbers come from the records that the workers wrote.
     """
 
     def sample(record: dict[str, object]) -> Sample:

@@ -10,9 +10,10 @@ class Outcome:
     """The outcome of a fault.
 
     `reported`: kinds of errors and alerts, and reasons of new epochs (runs of samples without a break).
-    `due`: number of records that had to arrive or to be counted. `where`: numbers of records by what became
-    of them; the first entry counts those that arrived. `of`: name of the records, such as samples. `more`,
-    `figures`: further results as text and as numbers. `wrong`: texts on what is not as it has to be.
+    `due`: number of records that had to arrive or to be counted as lost. `where`: for each thing that can
+    become of a record, such as "delivered" or "lost", the number of records; the first entry counts those
+    that arrived. `of`: name of the records, such as samples. `more`: further results as text. `figures`:
+    further results as numbers. `wrong`: texts, each on something that is not as it has to be.
     """
 
     reported: list[str]
@@ -30,5 +31,5 @@ class Outcome:
 
     @property
     def is_right(self) -> bool:
-        """Whether all records are accounted for, and nothing else is wrong."""
+        """Whether it is known what became of every record, and nothing else is wrong."""
         return not self.wrong and self.uncounted == 0

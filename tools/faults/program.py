@@ -45,9 +45,9 @@ class Program:
 
     `command`: the words after `fltea`. `clock`: file with eight bytes that are added to the program's Unix
     time [ns].
-    `ports`: file with the USB ports that the program shall find (see `shim`). `before`: a command that starts
-    the program.
-    `program`: arguments of Python that start the program, if it is not fltea.
+    `ports`: file with the USB ports that the program shall find (see `shim`). `before`: words to put before
+    the command line, such as `nsenter …`, which runs the rest of the line.
+    `program`: arguments for Python that start another program in place of `fltea`, such as `-m NAME`.
     """
 
     def __init__(

@@ -108,7 +108,7 @@ class Board:
         self._begin_ns = time.monotonic_ns()
 
     def boot(self, **how: int) -> None:
-        """Boot again. The last frame may be incomplete.
+        """Boot again, even if only a part of the last frame has been sent.
 
         `sequence`, `device_us`: number and time of the first sampling instant. `protocol_major`, `stated_hz`:
         what HELLO states.
@@ -142,11 +142,11 @@ class Board:
             doing.result()
 
     def stall(self, instants: int) -> None:
-        """Hold back the frames of a number of instants, then send all of them together."""
+        """Hold back the frames of `instants` sampling instants, then send all of them together."""
         self._write(b"".join(self._tick() for _ in range(instants)))
 
     def lose(self, instants: int) -> None:
-        """Let a number of instants pass without sending their frames."""
+        """Let `instants` sampling instants pass without sending their frames."""
         for _ in range(instants):
             self._tick()
 
@@ -161,8 +161,8 @@ class Board:
     def fill_the_line(self) -> None:
         """Send idle bytes, which have no meaning, until the port is full, since no program reads."""
         full = 0
-        # The port counts as full after five vain attempts, because a busy system takes some time to move
-        # bytes from one buffer to the next.
+        # The port is full only if it takes no byte five times in a row. A busy system may still move bytes
+        # from one of the port's buffers to the next, which makes room again.
         while full < 5:
             full = 0 if self._port.fill() else full + 1
             time.sleep(0.05)

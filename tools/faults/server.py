@@ -44,7 +44,7 @@ def installed(name: str) -> str:
 class Server:
     """A server process. After construction, it listens at all its TCP ports.
 
-    `log`: file to which the server writes its log. `how`: options of Popen.
+    `log`: file to which the server writes its log. `how`: further arguments for `subprocess.Popen`.
     """
 
     def __init__(self, command: Sequence[str | Path], ports: Sequence[int], log: Path, **how: Any) -> None:

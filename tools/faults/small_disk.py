@@ -19,8 +19,9 @@ class SmallDisk:
     If the system does not permit such a file system, a limit on the size of the program's files replaces it.
 
     `folder`: folder into which the program records. `size`: size in the syntax of `mount`. `is_mounted`:
-    whether there is a file system, not only a limit. `kind`: kind of the error that the program has to
-    report. `before`: command that starts the program.
+    whether there is a file system, not only a limit. `kind`: kind of the error that the program has to report
+    when the disk is full. `before`: words to put before the program's command line, so that the program sees
+    the file system.
     """
 
     def __init__(self, folder: Path, size: str = SIZE) -> None:
@@ -35,9 +36,9 @@ class SmallDisk:
         self._keeper: subprocess.Popen[bytes] | None = None
 
     def attach(self, pid: int) -> None:
-        """Open the folder of the disk as the process `pid` sees it.
+        """Open the small disk of the program with the process number `pid`, so that `fill` can reach it.
 
-        The folder stays open until `close` is called.
+        Only that program sees the disk. It stays open here until `close` is called.
         """
         self._pid = pid
         self._fd = os.open(f"/proc/{self._pid}/root{self.folder}", os.O_RDONLY | os.O_DIRECTORY)
@@ -57,9 +58,9 @@ class SmallDisk:
 
     @property
     def inside(self) -> Path:
-        """A path by which this process can use the disk's folder.
+        """Path of the disk for the caller, who does not see it under the path that the program uses.
 
-        The path is valid even after the program has ended.
+        The path stays valid after the program has ended.
         """
         return Path(f"/proc/self/fd/{self._fd}")
 
