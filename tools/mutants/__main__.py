@@ -42,8 +42,8 @@ MOST_SURVIVORS = 2
 MOST_SURVIVORS_OF_HOST = 1 / 3
 
 EVERYWHERE = ("core/engine/", "arduino/")
-"""Two folders of firmware/. For each judge (group of tests), at least one of the two has files that it
-judges. So the files of both folders together need all judges.
+"""Two folders of firmware/. A bug in the first is judged by three of the judges (groups of tests), a bug in
+the second by the remaining one. So both together need all judges.
 """
 
 
@@ -62,7 +62,7 @@ class Result(NamedTuple):
         return self.invalid is None and not any(verdict.noticed for verdict in self.verdicts)
 
     def describe(self) -> str:
-        """Return a line about the mutant, and one for each judge (group of tests) that noticed the bug."""
+        """Return a line about the bug, and one for each judge (group of tests) that noticed it."""
         head = f"{self.mutant.name} ({self.mutant.file}): {self.mutant.breaks}"
         if self.invalid is not None:
             return f"INVALID  {head}\n{self.invalid}"
@@ -73,7 +73,7 @@ class Result(NamedTuple):
 
 
 def try_mutant(mutant: Mutant, base: Path, *, everyone: bool = False) -> Result:
-    """Copy the folder `base`, including all built files, and judge one bug in the copy."""
+    """Judge one bug in a copy of the folder `base`, a copy of the repository that may have built files."""
     with tempfile.TemporaryDirectory(dir=base.parent) as folder:
         root = Path(folder) / "fltea"
         shutil.copytree(base, root)

@@ -24,8 +24,8 @@ OTHER: dict[type[ast.AST], Any] = dict(zip(ONE, TWO, strict=True)) | dict(zip(TW
 OTHER |= {ast.FloorDiv: ast.Mult, ast.Mod: ast.FloorDiv, ast.BitAnd: ast.BitOr}
 NAMES = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "any": "all", "all": "any"}
 TELLS = {"problem", "report", "say", "tell", "warn", "warning", "info", "debug", "print", "echo", "help"}
-"""Functions whose arguments are texts for people, which are never changed. In the sources, an underscore may
-precede a function's name.
+"""Names of functions that show texts to people, such as `print`. The arguments of their calls are never
+changed. Names such as `_warn` or `tell_user` count, too: only the first word matters.
 """
 
 
@@ -96,9 +96,9 @@ def _acting(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
 
 
 def _speaks(node: ast.AST) -> bool:
-    """Return whether the contents of `node` are never changed.
+    """Return whether no change may be made inside `node`.
 
-    This is so for messages for people, declarations of options, type hints and assertions.
+    Such nodes are texts for people, declarations of options, imports for type hints, and assertions.
     """
     if isinstance(node, ast.Call):
         name = getattr(node.func, "attr", getattr(node.func, "id", ""))
@@ -109,7 +109,7 @@ def _speaks(node: ast.AST) -> bool:
 
 
 def _others(node: ast.AST) -> Iterator[ast.AST]:
-    """Yield all changed versions of `node`."""
+    """Yield what can replace `node`, such as `a <= b` for `a < b`."""
     match node:
         case ast.Compare(left, [operator, *more], right):
             if type(operator) in OTHER:

@@ -1,4 +1,4 @@
-"""A copy of the repository in which changes of the host are tried. The nearest tests run first."""
+"""A copy of the repository in which changes of the host are tried. Tests of the changed module run first."""
 
 import re
 import shutil
@@ -14,8 +14,8 @@ PATIENCE_S = 1800.0
 TEST_S = 120
 """Time limit of one test [s]; a test that hangs counts as failed."""
 MOST_OUTSIDE = 10
-"""Largest number of test files from other folders than that with the changed module's own tests. There must
-be a limit, since tests of all folders import the basic modules.
+"""Largest number of test files that run from other folders than the changed module's own folder of tests. A
+limit is needed because tests of all folders import the basic modules.
 """
 
 # The import finder of an editable install is removed. It has precedence over sys.path, so it would find the
@@ -48,9 +48,9 @@ class HostCopy:
         }
 
     def noticed_by(self, change: Change) -> str | None:
-        """Return the test that fails twice with `change` but passes without it.
+        """Return a test that fails twice in a row with `change`, and then passes without it.
 
-        None if there is no such test.
+        None if there is no such test. A test that fails only once may fail by chance.
 
         Raises:
             Invalid: pytest itself fails.
@@ -66,8 +66,8 @@ class HostCopy:
                 failed = self._first_failure(tests, unsteady)
                 again = failed and self._first_failure([failed])
             finally:
-                # copy2 restores the file's time, by which Python knows whether its compiled file is up to
-                # date.
+                # copy2 restores the time of last change, too. By it, Python knows that the compiled file
+                # still belongs to this source.
                 shutil.copy2(kept, source)
             if failed is None or (again and self._first_failure([failed]) is None):
                 return failed
@@ -91,8 +91,9 @@ def nearest_tests(root: Path, file: str) -> list[str]:
 
     The result has three groups. First come the test files in the folder of tests for the package of `file`
     that import `file`, directly or through a helper in tests/rig. Then come at most MOST_OUTSIDE test files
-    of other folders that import `file` in one of these ways. Last come the remaining test files of the
-    package's folder. In each group, test files with few imports come before those with many.
+    of other folders that import `file` in one of these ways; if there are none, those that mention the
+    package. Last come the remaining test files of the package's folder. In each group, test files with few
+    imports come before those with many.
     """
     package, name, room = ".".join(Path(file).parts[1:-1]), Path(file).stem, Path(file).parts[2]
     imports = rf"\b{package}\.{name}\b|^ *from {package} import (\([^)]*|.*)\b{name}\b"

@@ -68,7 +68,11 @@ class Mutant(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return text.replace(self.old, self.new)
 
     def apply(self, root: Path) -> None:
-        """Put the bug into the copy of the repository at `root`. ValueError is raised as by `applied_to`."""
+        """Put the bug into the copy of the repository at `root`.
+
+        Raises:
+            ValueError: `old` does not occur exactly once in the file, or `new` equals `old`.
+        """
         source = root / "firmware" / self.file
         source.write_text(self.applied_to(source.read_text(encoding="utf-8")), encoding="utf-8")
 
@@ -108,11 +112,11 @@ def copy_parts(to: Path) -> None:
 
 
 def forget_build(root: Path) -> None:
-    """Remove the built files at `root` that make would wrongly regard as up to date in another copy."""
+    """Remove built files from `root`. In a copy of `root`, make would wrongly take these for up to date."""
     (root / DOCTEST / "tests").unlink()
-    # Some of these files contain absolute paths into the copy in which they were built.
+    # Files in both folders contain absolute paths into `root`. In a copy, make would follow these paths, and
+    # would not see the files that were changed in the copy.
     shutil.rmtree(root / NATIVE)
-    # The dependency files in this folder also contain absolute paths into the copy in which they were built.
     shutil.rmtree(root / "build/tests-arduino")
 
 
@@ -179,7 +183,8 @@ def by_doctest(root: Path) -> str | None:
     """Build and run the C++ tests of the core; return the first test case that fails, or None."""
     here = root / "tests/firmware"
     program = root / DOCTEST / "tests"
-    # The path is relative, so that make accepts in one copy what was built in another.
+    # The path is relative, so it is the same in every copy. Make can therefore use what was built before the
+    # copy was made.
     goal = os.path.relpath(program, here)
     command = ["make", f"BUILD={Path(goal).parent}", DOCTEST_FLAGS, goal]
     code, output = run(command, here)
