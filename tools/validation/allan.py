@@ -1,8 +1,8 @@
 """Compare Allan deviations that `fltea identify` computes for models with simulations of these models.
 
 One record of each noise of the gallery is identified. Two quantities are computed from the spectrum of the
-fitted model: the Allan deviation, and the degrees of freedom with which a record of the same length gives it.
-The same two quantities are then estimated from many records that are drawn from the model.
+fitted model: the Allan deviation, and its degrees of freedom, which say how well a record of this length
+determines it. Then many records are simulated with the model, and both quantities are estimated from them.
 """
 
 import itertools
@@ -42,9 +42,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def compare(name: str, duration_s: float, simulations: int) -> list[Row]:
-    """Return one row for a noise: the ratios of computed to simulated figures.
+    """Return one row for a noise, or no row if no model can be fitted to the noise.
 
-    Return no row if the noise cannot be identified.
+    The row has the largest difference between the computed and the simulated Allan variance, in standard
+    errors, and the ratio of the computed to the simulated degrees of freedom.
     """
     n, h = round(duration_s * RATE_HZ), 1 / RATE_HZ
     y = NOISES[name].draw(n, RATE_HZ, np.random.default_rng([zlib.crc32(name.encode()), n]))

@@ -5,10 +5,10 @@ The significance level `evidence.ANYTIME_LEVEL` was chosen with these measuremen
 A simulated day of one axis at 100 Hz is fitted as often as a live sensor (fltea.stream.fit_times): in two
 thousand refits, a hundred of them with a new model search. A rule is one of the tests that can turn a verdict
 from white to another, such as that for peaks. For each rule and significance level, the tables give the
-proportion of axes for which the rule ever rejects white noise. For the verdict, at its own level, they give
-the proportion of axes that ever get a verdict other than white. Noises with relaxations (first-order
-Gauss-Markov processes) are not white and have no order. For them, the tables give the proportion of axes that
-are ever called fractional.
+proportion of axes for which the rule ever rejects white noise. They also give the proportion of axes that
+ever get a verdict other than white; for this, the program's own levels are used. Noises with relaxations
+(first-order Gauss-Markov processes) are not white and have no order. For them, the tables give the proportion
+of axes that are ever called fractional.
 """
 
 import math
@@ -74,9 +74,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def axis(noise: str, samples: int, seed: int) -> list[Row]:
-    """Simulate an axis; return the lowest significance level at which each rule ever rejects.
+    """Simulate an axis; return, for each rule, the lowest significance level at which it ever rejects.
 
-    A rule is a test that can reject white noise. At all levels below its result, it never rejects this axis.
+    A rule is a test that can reject white noise. If its significance level were lower than the result, it
+    would not have rejected white noise on this axis at any time.
     """
     rng = np.random.default_rng((seed, samples))
     draw: Draw = (lambda n: WHITE[noise](n, rng)) if noise in WHITE else _relaxations(POLES[noise], rng)
@@ -109,11 +110,10 @@ def _evidence(sums: Octaves, last_refit: LastRefit, taken: int) -> Evidence:
 
 
 def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
-    """Return, for each rule, the lowest significance level at which it rejects white noise now.
+    """Return, for each rule, the lowest significance level at which it rejects white noise after one fit.
 
-    The rules are applied to the fit after the present number of samples.
-
-    Some rules apply only if this fit includes a model search.
+    The fit is that of the first `taken` samples. `is_search`: whether it includes a model search. Without a
+    search, the rules for peaks and for changes of the noise do not apply; their result is 1.
     """
     e = _evidence(sums, last_refit, taken)
     f = e.candidates
@@ -128,9 +128,9 @@ def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool
         found = [level for level in LEVELS if find_peaks(whole, level * by_level)]
     return {
         "null test": e.p_all,
-        # -BIC says how much better the best model is than white noise. This rule rejects white noise at a
-        # significance level `level` if -BIC exceeds APART + 2 log(LEVEL / level). The formula below is solved
-        # for `level`.
+        # `bic` is the best model's BIC minus that of white noise. At the level LEVEL, this rule rejects white
+        # noise if -bic exceeds APART; at another level, if -bic exceeds APART + 2 log(LEVEL / level). The
+        # expression below is this equation, solved for `level`.
         "sentences": min(LEVEL * math.exp((bic + APART) / 2), 1.0),
         "drift": next(
             (level * 0.999 for level in LEVELS[::-1] if e.slow.is_drift(FALSE_DRIFT * level / LEVEL)), 1.0
@@ -142,9 +142,10 @@ def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool
 
 
 def _claim(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
-    """Return 0 if the noise is called fractional now, otherwise 1.
+    """Return {"fractional": 0} if the noise is called fractional after this fit, otherwise {"fractional": 1}.
 
-    The result has the form of that of `_levels`: with 0, the rule rejects at every level, with 1 at none.
+    The numbers are significance levels, as those of `_levels`: 0 counts as a rejection at every level, 1 as
+    none.
     """
     return {"fractional": 0.0 if decide(_evidence(sums, last_refit, taken)).kind == "fractional" else 1.0}
 

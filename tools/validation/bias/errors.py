@@ -64,11 +64,10 @@ def _mean_square(e: Array) -> float:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return a table of fltea's errors divided by those of the best other method (peer).
+    """Return two tables.
 
-    The table also says how often fltea's errors are within 2 σ.
-
-    The file with the tables also has the errors of all peers.
+    The first has fltea's RMS errors, divided by those of the best other method (peer), and how often fltea's
+    errors are within 2 σ. The second, which is only written to the file, has the RMS errors of all methods.
     """
     cells: list[Any] = []
     errors: list[Any] = []

@@ -45,7 +45,7 @@ def count(noise: str, hours: float) -> list[Row]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the numbers of reported steps, also converted to steps in a week of one axis."""
+    """Return a table of how many steps were reported, all of them wrongly, in total and per week and axis."""
     cells = []
     for noise, (row,) in grouped(rows, lambda row: row["noise"]).items():
         hours, told = row["axis_hours"], row["events"]

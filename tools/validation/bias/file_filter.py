@@ -46,9 +46,8 @@ def navigate(noise: str, first: int, futures: int) -> list[Row]:
 
     Return one row for each axis.
 
-    A row's `squares` has, for each way to start the filter, the mean of (heading error / σ)² at each of
-    TIMES_S. It is None if the file that `fltea identify --gauss-markov` wrote lacks the figures that this way
-    needs.
+    A row's `squares` has an entry for each of WAYS, the ways to start the filter: the mean of (heading error
+    / σ)² at each of TIMES_S. The entry is None if the file lacks figures that this way needs.
     """
     axes = lanes(SECTION, noise, range(first, first + AXES))
     y, _ = drawn(axes, REST)
@@ -99,7 +98,8 @@ def identified(y: Array) -> list[dict[str, Any]]:
 def model_of(entry: Mapping[str, Any]) -> Model | None:
     """Return the filter model of an axis in the file; None if the axis has no white noise.
 
-    If an axis has no key `filter`, its figures are at the top level, and no bias is stated.
+    `entry`: what the file has for the axis. It may have a key `filter`, with the figures and the bias.
+    Without this key, `entry` itself has the figures, and there is no bias.
     """
     figures = entry.get("filter", entry)
     N = _value(figures["N"])
@@ -121,7 +121,7 @@ def _value(figure: Any) -> float | None:
 def squares(plain: Plain, angles: Array) -> list[float]:
     """Return the mean of (heading error / σ)² at each of TIMES_S.
 
-    `angles`: true angles of all continuations, of shape (futures, times).
+    `angles`: true angles, of shape (futures, times). A future is one simulated continuation of the recording.
     """
     found = []
     for k, t_s in enumerate(TIMES_S):

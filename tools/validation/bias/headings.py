@@ -1,4 +1,4 @@
-"""Measure how often the heading after a rest is within its predicted band.
+"""Measure how often the heading is within the 95 % interval (band) that a recording at rest predicts for it.
 
 For this, each simulated recording is continued many times, each time independently.
 """
@@ -103,7 +103,10 @@ def _told(system: System, y: Array) -> list[tuple[float, float]]:
 
 
 def judge_fails(y: Array) -> bool:
-    """Return whether the second half of the recording rejects the model of the first half."""
+    """Return whether a model of the recording's first half predicts the second half badly.
+
+    This is so if the errors of predicted headings or biases do not fit their σ.
+    """
     half = y[: len(y) // 2]
     parts = analyse(half, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
     found = judged(fitted_system(parts, half, H), y, len(half), H)
@@ -126,9 +129,10 @@ def best_stds(noise: str) -> tuple[float, ...]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return a table of how often headings are within their bands.
+    """Return a table of how often headings are within their bands (95 % intervals).
 
-    The table also has the relative widths of the bands, and how many models are rejected.
+    The table also has the bands' widths, divided by the best possible ones (if these are not known, by the
+    errors), and the number of axes on which `judge_fails` is true.
     """
     cells = []
     for noise, those in grouped(rows, lambda row: row["noise"]).items():
@@ -136,8 +140,8 @@ def tables(rows: Sequence[Row]) -> list[Table]:
         inside = [f"{100 * np.mean([one['inside'] for one in times]):.0f} %" for times in by_time]
         widths = []
         for times in by_time:
-            # If the best possible width is known, the band's width is divided by it. Otherwise the band's
-            # width is divided by the measured error, which does not show whether the band could be narrower.
+            # The σ of the prediction is divided by the σ that a filter with the true model has. If that is
+            # not known, it is divided by the RMS error, which does not show whether the σ could be smaller.
             said = math.sqrt(float(np.mean([one["std"] ** 2 for one in times])))
             seen = math.sqrt(float(np.mean([one["square"] for one in times])))
             best = times[0]["best"]

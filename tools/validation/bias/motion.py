@@ -23,8 +23,8 @@ REST_S, TURN_S, AFTER_S = 120, 30, 60
 RATE, LEAK = 10.0, 0.005
 """RATE: rate about z [deg/s]. LEAK: the proportion of this rate that x and y measure."""
 WAYS = "live stage", "Live.add(at_rest=False)"
-"""The two ways to track the bias. The live program gets neither accelerations nor any information about the
-turn. The class `fltea.Live` is told when the sensor is not at rest.
+"""The two ways to track the bias: as `fltea run` does, or by the class `fltea.Live`. The first gets only the
+rates, so it has to notice the turn itself. The second is told when the sensor is not at rest.
 """
 
 
@@ -82,9 +82,10 @@ def _told(y: Array, begin: int, end: int) -> tuple[Array, Array]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return two tables, of the largest errors divided by σ and of the largest errors.
+    """Return two tables.
 
-    The second table has the errors of fltea and of other methods (peers) in deg/s.
+    The first has fltea's largest errors divided by their σ, and the time until the error is within 2 σ again.
+    The second has the largest errors of fltea and of other methods (peers) in deg/s.
     """
     cells: list[Any] = []
     errors: list[Any] = []
