@@ -1,6 +1,6 @@
-"""A source of samples for tests and tools.
+"""A source for tests and tools that has no port.
 
-The caller itself supplies the transport events, such as received bytes.
+Whoever uses it hands over the bytes that a port would have received.
 """
 
 from collections.abc import Iterator
@@ -11,9 +11,9 @@ from fltea.sources.wire_events import WireEvents
 
 
 class FedSource:
-    """Stands for the source of a serial port in a pipeline (the processing of one device's samples).
+    """A source that takes the place of a serial port in a pipeline (the processing of one device's samples).
 
-    `prompt`: see `fltea.records.ports.Source`.
+    `prompt`: whether the samples arrive in real time.
     """
 
     live = True
@@ -26,7 +26,7 @@ class FedSource:
         return self.wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Return no events, because the caller feeds `wire` directly."""
+        """Return no events: the caller gets them from `wire.feed`, to which it hands the bytes."""
         return iter(())
 
     def link_stats(self) -> LinkStats:

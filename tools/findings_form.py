@@ -13,8 +13,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("library", "expected", "seen", "matters", "fltea")
 """Names of the sections in the head of a script, in this order."""
 SHORTEST_PART = 40
-"""Smallest number of characters of a section, since a section is at least a sentence. The section `library`
-may be shorter.
+"""Smallest number of characters of a section. What is shorter can hardly be a sentence. The section `library`
+may be shorter: it is only a name and a version.
 """
 OWN = re.compile(r"import fltea|from fltea|-m fltea|/fltea\b|pip\S* install.*fltea")
 INSTALLS = re.compile(r"^\S*pip\S*\" install (.*)$", re.MULTILINE)
@@ -30,7 +30,7 @@ SOURCE = re.compile(r"https?://|section \d|register ", re.IGNORECASE)
 
 
 def head_of(text: str) -> dict[str, str]:
-    """Return the sections of a script's head, by name."""
+    """Return the sections of a script's head by name; the head is the comment lines at the script's top."""
     parts: dict[str, str] = {}
     name = ""
     for line in text.splitlines()[1:]:
@@ -45,7 +45,7 @@ def head_of(text: str) -> dict[str, str]:
 
 
 def faults_of(script: Path) -> list[str]:
-    """Return the faults in the form of a script."""
+    """Return in what a script differs from the form that findings/README.md describes."""
     text = script.read_text(encoding="utf-8")
     head = head_of(text)
     body = "\n".join(line for line in text.splitlines() if not line.startswith("#"))

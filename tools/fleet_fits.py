@@ -63,7 +63,8 @@ class Noise(NamedTuple):
     def draw(self, samples: int, rng: np.random.Generator, rate_hz: float = RATE_HZ) -> Array:
         """Return the samples of a record, an array of shape (samples,).
 
-        The record is half a period of a periodic noise. A whole period would have correlated ends.
+        A noise that repeats after 2 `samples` is drawn, and its first half returned. In a whole period, the
+        last samples would be correlated with the first ones.
         """
         whole = np.fft.rfft(rng.standard_normal(2 * samples))
         hz = np.asarray(np.fft.rfftfreq(2 * samples, 1 / rate_hz), dtype=np.float64)
@@ -83,9 +84,9 @@ NOISES = {
 
 
 def fits(record: Array, at: Iterable[int], rate_hz: float = RATE_HZ) -> Iterator[AxisFit]:
-    """Yield the fits, with curves, that the daemon would make of an axis after given numbers of samples.
+    """Yield the fits that the daemon would make of an axis, one after each number of samples in `at`.
 
-    `at`: these numbers of samples, in rising order.
+    Each fit includes its curves, such as the spectrum. The numbers in `at` rise.
     """
     live = LiveAxes(("gyro_x",), 1 / rate_hz, LiveConfig(), GYRO_UNIT)
     taken = 0
@@ -102,7 +103,7 @@ USUAL = Noise(B=0.003, K=0.0015)
 """Noise of most axes. From its records, N, B and K can all be estimated."""
 USUAL_FITS, RELAXING_FITS, OTHER_FITS = 12, 4, 2
 OTHERS = 0.3
-"""Proportion of the axes of chips of the first kind that have one of the noises in OTHER."""
+"""Proportion of unusual noises among the axes of chips of the first kind; `OTHER` has these noises."""
 
 
 class Changed(NamedTuple):
@@ -151,8 +152,8 @@ def axis_fit(rng: np.random.Generator, factor: float, *, second: bool, changed: 
 
     `rng` draws the kind of noise.
 
-    `second`: whether the axis belongs to the second kind of chip. `changed`: if given, the axis has the usual
-    noise with this change.
+    `second`: whether the axis belongs to the second kind of chip. `changed`: if given, no kind is drawn: the
+    axis has the usual noise, but with this figure changed.
     """
     if changed is not None:
         return scaled(_fit("usual", 0, changed), factor)

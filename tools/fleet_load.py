@@ -31,14 +31,14 @@ CHIPS = ("MPU-9250", "LSM6DSO")
 SECOND = 5
 """One out of this number of sensors has the second kind of chip."""
 SEQ = 123_456_789
-"""Placeholder for the sample numbers in a fit. A fit is encoded only once, and each message then has the true
-numbers in place of this value.
+"""Stands for each sample number (`seq`) in an encoded fit. A fit is encoded only once. Before each sending,
+the true numbers replace this value.
 """
 MOST_IN_FLIGHT = 5_000
 
 
 class Bad(NamedTuple):
-    """A bad sensor. On one axis of sensor number `place`, a figure is multiplied by `times`."""
+    """A bad sensor: number `place`. On one of its axes, `figure` (N, B or K) is multiplied by `times`."""
 
     place: int
     axis: str
@@ -102,7 +102,7 @@ def sensor(place: int, bad: list[Bad]) -> Sensor:
 def _axis_stats(rng: np.random.Generator) -> AxisStats:
     """Return statistics of an axis with a random bias.
 
-    As in real fleets, the biases of sensors differ by far more than the errors with which they are known.
+    As in real fleets, the biases of sensors differ by far more than the σ of each bias.
     """
     tracker = TrackerStats(
         model="white",

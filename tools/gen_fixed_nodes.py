@@ -2,8 +2,9 @@
 
 It writes firmware/core/engine/fixed_nodes.hpp.
 
-The decay rates of the modes form the same kind of grid as in firmware/core/engine/memory_nodes.hpp, for a
-memory that is not limited to a window. They are written as integers, as memory_fixed.hpp needs them.
+The logarithms of the modes' decay rates are equally spaced, as in firmware/core/engine/memory_nodes.hpp. But
+these modes are for a memory of all past samples, not of a window. Their figures are written as integers,
+because memory_fixed.hpp computes with integers.
 """
 
 import math
@@ -16,17 +17,17 @@ SOURCE, HEADER = "tools/gen_fixed_nodes.py", "firmware/core/engine/fixed_nodes.h
 DIGITS = 3
 HEAD = 5
 HORIZON = 100_000
-"""The modes have to be accurate for samples up to this age [samples]. This value, DIGITS and HEAD were chosen
-by measurements (firmware/README.md, "What it costs").
+"""The modes have to be accurate for samples up to this age [samples], to 10^-DIGITS. HORIZON, DIGITS and HEAD
+were chosen by measurements (firmware/README.md, "What it costs").
 """
 
 
 def step_for(error: float) -> float:
-    """Return the largest step between neighbouring modes with which weights err by at most `error`.
+    """Return the largest spacing of the modes with which the weights of past samples err by at most `error`.
 
-    A mode is a sum of past samples that decays exponentially. The weight of a past sample is an integral over
-    all decay rates; the modes approximate the integral by the trapezoidal rule. The step is the difference of
-    the logarithms of the decay rates.
+    A mode is a sum of past samples that decays exponentially. The exact weight of a past sample is an
+    integral over the logarithm of the decay rate. The modes approximate the integral by the trapezoidal rule.
+    The spacing is the rule's step: the difference of the logarithms of two neighbouring decay rates.
     """
     step = 1.0
     while _alias(step) > error:
@@ -40,9 +41,9 @@ def _alias(step: float) -> float:
 
 
 def top_for(step: float, error: float) -> int:
-    """Return the number of the mode (decaying sum) that decays fastest: its decay rate is exp(number · step).
+    """Return the number n of the fastest mode (decaying sum) that is needed.
 
-    The next faster mode would contribute less than a quarter of `error`.
+    The decay rate of mode n is exp(n · step). Mode n + 1 would contribute at most a quarter of `error`.
     """
     n, top = HEAD + 1, 0
     while True:

@@ -4,9 +4,10 @@ It writes firmware/core/engine/memory_constants.hpp.
 
 Let c_j(a) be the weight of the sample of age j in a fractional difference of order a, and b = a + 1. The
 squared weight contains the factor 4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b + 1/2), where B is the beta
-function (see engine/memory_nodes.hpp). Three steps of the recurrence of Gamma move the poles of this factor
-away from the orders in use. What remains, 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2), is interpolated at
-Chebyshev points in arbitrary precision.
+function (see engine/memory_nodes.hpp). This factor has poles near the orders in use. The recurrence
+Gamma(b + 1) = b Gamma(b), used four times in the numerator and three times in the denominator, splits off
+the factors b, b + 1/2, b + 1 and so on. What remains is 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2), whose poles
+are farther away. The polynomial interpolates it at Chebyshev points, in arbitrary precision.
 """
 
 from pathlib import Path
@@ -24,14 +25,15 @@ DEGREE = 18
 
 
 def ratio(b: mpmath.mpf) -> mpmath.mpf:
-    """Return the value at `b` of the function that the polynomial approximates."""
+    """Return 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2), which the polynomial approximates."""
     return 2 * mpmath.sqrt(mpmath.pi) * mpmath.gamma(b + 4) / mpmath.gamma(b + mpmath.mpf(7) / 2)
 
 
 def fit(centre: mpmath.mpf, half: mpmath.mpf) -> list[mpmath.mpf]:
-    """Interpolate `ratio` at the Chebyshev points of `centre` ± `half`.
+    """Interpolate the function `ratio` by a polynomial, at the Chebyshev points of `centre` ± `half`.
 
-    Returns the coefficients of the polynomial, the coefficient of the highest power first.
+    Return the coefficients, that of the highest power first. The polynomial's variable runs from -1 to 1 over
+    this interval.
     """
     points = [mpmath.cos(mpmath.pi * (k + mpmath.mpf(1) / 2) / (DEGREE + 1)) for k in range(DEGREE + 1)]
     powers = mpmath.matrix([[t ** (DEGREE - i) for i in range(DEGREE + 1)] for t in points])

@@ -2,10 +2,11 @@
 
 The program writes order_odds_constants.py into the folder of the module `order_odds`.
 
-Draws noises of each population of `tools.validation.odds.populations` at several lengths, runs the model
-search on each noise, and fits a logistic regression. In this regression, all noises of a population together
-have the population's weight at each length, however many of them were drawn. This takes some ten minutes on
-two cores. The results for the drawn noises are stored, so that a second run only makes the fit.
+A population is a family of random noises, such as noises with an order (`tools.validation.odds.populations`).
+The program draws noises of each population at several lengths, runs the model search on each noise, and fits
+a logistic regression. At each length, every population has a fixed total weight in this regression; the
+noises that were drawn share the weight. This takes some ten minutes on two cores. The results for the drawn
+noises are stored, so that a second run only makes the fit.
 
 Usage: python -m tools.gen_order_odds [--series 600] [--kept build/order_odds.ndjson] [--print]
 """
@@ -34,11 +35,13 @@ the shortest length.
 """
 AT_ONCE = 20
 RIDGE = 1e-5
-"""Ridge penalty of the regression. It keeps coefficients finite that the drawn noises do not determine."""
+"""Ridge penalty: the regression also minimises this times the sum of the squared coefficients. Without it,
+coefficients could become infinite.
+"""
 
 
 def tasks(series: int) -> list[Task]:
-    """Return the tasks that draw the noises of each population and length."""
+    """Return the tasks that draw noises: for each length, those of each population (family of noises)."""
     return [
         Task(f"{population}, {samples}", count, (population, samples, first, AT_ONCE, SEED), samples)
         for samples, share in LENGTHS.items()
@@ -48,10 +51,10 @@ def tasks(series: int) -> list[Task]:
 
 
 def fitted(rows: list[Row]) -> tuple[tuple[float, float], list[list[float]]]:
-    """Return the fitted coefficients of the log odds, with their range of validity.
+    """Return the range of validity, then the fitted coefficients of the log odds.
 
-    The result is the range and then the coefficients. The range is the smallest and the largest number of
-    periodogram ordinates of the noises.
+    The range is that of the number of ordinates (frequencies) in a noise's periodogram: the smallest and the
+    largest number among the drawn noises.
     """
     # Leave out noises that are so nearly white that the model search gives no odds for them.
     rows = [row for row in rows if row["odds"] is not None]

@@ -20,7 +20,7 @@ def outputs(root: Path) -> dict[str, str]:
 
 
 def tables(root: Path) -> str:
-    """Return a table of bytes for each message, and the values of enums and flags."""
+    """Return the site's tables: the bytes of each message's fields, and the values of enums and flags."""
     protocol = load((root / SOURCE).read_text())
     return rendered("protocol_tables.md", protocol=protocol, overhead=OVERHEAD)
 

@@ -40,7 +40,7 @@ def _register(register: Register) -> str:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the paths and texts of the emulator's table and the firmware's header."""
+    """Return paths and texts of two files: the emulator's table of registers, and the firmware's header."""
     peripherals = read(obtain(root))
     return {
         "tools/due_emulator/sam3x_registers.json": table(peripherals),

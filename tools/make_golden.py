@@ -2,11 +2,13 @@
 
 The files test both the reference in Python and the native engine, so this program shares no code with either.
 The formulas are typed as they are printed in Macias & Sierociuk 2023, section 5 (P by subtraction, binomials
-by their definition), and computed with mpmath. In two cases the paper is ambiguous, and the project's
-interpretation is used: covariance sums start at i = 0, and every sum over the past includes the terms L(k).
+by their definition), and computed with mpmath. Two points are ambiguous in the paper. Here, the covariances
+of an unscented filter include its central point (i = 0), and every sum over the past includes the oldest
+state in the memory (the term with j = L(k)).
 
-Each file has comment lines, then one line for each sample: first the inputs y and u, which are exact floats,
-then with 25 digits x, P, α with its variance and Q, and f with its variance and Q.
+Each file has comment lines, then one line for each sample. A line begins with the inputs y and u, each the
+exact value of a float. These numbers follow, with 25 digits each: x, P, α with its variance and Q, f with its
+variance and Q.
 """
 
 import random
@@ -34,7 +36,10 @@ def difference_weights(alpha: mpf, n: int) -> list[mpf]:
 
 
 class Example:
-    """The paper's example (section 6.1): one state, B = C = 1, and a memory of all past samples."""
+    """The paper's example (section 6.1): one state, and a memory of all past samples.
+
+    The factors B (of the input u in the state) and C (of the state in the output y) are 1.
+    """
 
     h = mpf("0.001")
     Q, R = mpf("1e-5"), mpf("1e-3")
@@ -42,12 +47,12 @@ class Example:
     order_delta = parameter_delta = mpf("0.5")
 
     def __init__(self) -> None:
-        self.x, self.P = [mpf(0)], [mpf(1)]  # x_0 and P_0; an index into the lists is a sample's number
+        self.x, self.P = [mpf(0)], [mpf(1)]  # x[k] is the state of sample k, P[k] its variance
         self.alpha, self.order_P, self.order_Q = mpf(1), mpf("0.05"), mpf("0.005")
         self.f, self.parameter_P, self.parameter_Q = mpf(0), mpf("0.001"), mpf("0.01")
 
     def past(self, alpha: mpf, k: int) -> mpf:
-        """Return the weighted sum of the past states x_{k-1} to x_0 in the model of sample k."""
+        """Return the sum of c_j x_{k-j} for j = 1 to k, with c_j from `difference_weights`."""
         weights = difference_weights(alpha, k)
         return mp.fsum(weights[j] * self.x[k - j] for j in range(1, k + 1))
 
@@ -95,7 +100,8 @@ class Example:
 def gain(points: list[mpf], mean: mpf, Y: list[mpf], y: mpf, R: mpf) -> tuple[mpf, mpf, mpf]:
     """Return gain, innovation and the innovation's variance Pyy of an unscented filter for one unknown.
 
-    Its scaling constants are n = 1, lambda = 2, A = 1 and B = 2 (the paper, section 5.1).
+    The constants n, lambda, A and B, from which the weights of its three points follow, are 1, 2, 1 and 2
+    (the paper, section 5.1).
     """
     W_mean = [mpf(2) / 3, mpf(1) / 6, mpf(1) / 6]
     W_cov = [mpf(2) / 3 + (1 - 1 + 2), mpf(1) / 6, mpf(1) / 6]

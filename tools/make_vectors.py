@@ -200,8 +200,8 @@ SWAPPED = WHOLE[:-4] + WHOLE[-4:][::-1]
 OTHER_HELLO = (2, 1, HASH, *TYPICAL_HELLO[3:])
 FOREIGN_HELLO = (1, 1, 0xDEADBEEF, *TYPICAL_HELLO[3:])
 
-# For each reason to refuse bytes: its cases in bad.txt. A 0x00 is put before each case, since a block before
-# the first 0x00 of a stream counts as partial.
+# For each reason to refuse bytes: its cases in bad.txt. A 0x00 is put before each case. Without it, a
+# receiver would give another reason: "partial", a frame whose beginning it missed.
 BAD = {
     "cobs": [
         ("block that promises more bytes than come", b"\x05\x01\x02\x00"),
@@ -277,7 +277,8 @@ STATUS_FRAME = frame(STATUS, 0, 1_000_500, payload(STATUS, TYPICAL_STATUS))
 FAULT_FRAME = frame(FAULT, 0, 1_000_600, payload(FAULT, (1, 0x68)))
 ESTIMATE_FRAME = frame(ESTIMATE, 0, 20_350, payload(ESTIMATE, TYPICAL_ESTIMATE))
 ESTIMATOR_FRAME = frame(ESTIMATOR, 0, 950, payload(ESTIMATOR, FILLING))
-# An ESTIMATE with NaN of both signs, with a payload, signalling NaN, and both infinities.
+# The payload of an ESTIMATE with NaN of several bit patterns (both signs, quiet and signalling), and both
+# infinities.
 ODD = (
     payload(ESTIMATE, TYPICAL_ESTIMATE)[:8]
     + struct.pack("<6I", 0x7FC00000, 0xFFC12345, 0x7F800001, 0xFFFFFFFF, 0x7F800000, 0xFF800000)
@@ -289,11 +290,12 @@ LATER = frame(HELLO, 4, 5, payload(HELLO, (1, 200, 0xDEADBEEF, *TYPICAL_HELLO[3:
 LONG = frame(SAMPLE, 1, 2, payload(SAMPLE, TYPICAL_SAMPLE) + b"\x01\x02\x03")
 FUTURE = frame(HELLO, 4, 5, struct.pack("<BBI10x", 2, 0, 1))
 ONE, TWO, THREE = sample(1, 10_000), sample(2, 20_000), sample(3, 30_000)
-# The first twelve bytes of `TWO` end with the COBS code 04 and two of the three bytes that this code
-# announces. If another frame follows, a decoder takes that frame's first code, 03, for the third of these
-# bytes, and the following byte, 02, for a code. COBS therefore finds no error. Only the CRC can find it.
+# The frame `TWO`, cut off in mid-block. A COBS code says how many bytes its block has. The last code here,
+# 04, stands for itself and three more bytes, but only two are left. A decoder takes the first byte of the
+# next frame for the third, and the byte after it for a code. The result is valid COBS; only the CRC finds the
+# fault.
 CUT = TWO[:12]
-# A frame of 26 bytes without a zero, so that the encoded block consists of the code 0x1B and these bytes.
+# A frame of 26 bytes without a zero: COBS only puts the code 0x1B before it. HALVED has a 0x00 in its middle.
 SOLID = frame(SAMPLE, 0x0101, 0x7F7F7F7F, b"\x7f" * 15)
 assert SOLID[0] == 27
 HALVED = SOLID[:10] + b"\x00" + SOLID[11:]
@@ -307,7 +309,7 @@ FOUND = {
     "two": "frame 2 2 20000",
     "three": "frame 2 3 30000",
 }
-"""For the name of each frame in STREAMS: the line by which streams.txt says that a decoder finds this frame.
+"""For the name of each frame in STREAMS: the line of streams.txt that a decoder's output has for this frame.
 """
 STREAMS: list[tuple[str, list[bytes], str]] = [
     (

@@ -22,8 +22,8 @@ CXX = {".cpp", ".hpp", ".h"}
 ENGINE = ("native", "spectrum", "estimator", "wire")
 """Folders below tests/ with the tests of the native module and of the engine's headers."""
 ALSO = {"cli": ("site",), "diagnostics": ("machine",), "settings": ("site", "cli")}
-"""For some packages of the host: further folders below tests/ with tests of the package. The package's own
-tests are in the folder that has its name, if there is one.
+"""For some packages of the host: further folders below tests/ with tests of the package. For every package,
+there may also be a folder tests/PACKAGE.
 """
 TESTS_OF = {
     "host/native/": ENGINE,
@@ -45,11 +45,13 @@ TESTS_OF = {
 beginnings match, the first decides.
 """
 OF_ALL_CODE = ("tests/tools/test_sizes.py", "tests/tools/test_unused.py")
-"""Tests that measure every file of code, whichever file has changed."""
+"""Tests that check all code at once: the sizes of files and functions, and that no function is unused. They
+run after every change of code.
+"""
 
 MOST_USERS = 8
-"""Largest number of test files that `make near` runs for one helper. If more test files use the helper, they
-run only when all tests run.
+"""Largest number of test files that `make near` runs for one changed module of `tools` or `tests/rig`. If
+more test files use the module, none of them runs for it; `make test` runs them.
 """
 
 TESTS_S = 75

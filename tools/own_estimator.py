@@ -59,7 +59,9 @@ JOINT = wire.Estimator._make([0] * len(wire.Estimator._fields))._replace(
     parameter_delta=f32(SETTINGS.joint.delta),
     gate=f32(SETTINGS.gate),
 )
-"""ESTIMATOR with the default settings of `fltea run`, for the algorithm's variant `joint`."""
+"""The message ESTIMATOR, in which a board states its estimator's settings: here the defaults of `fltea run`,
+for the algorithm's variant `joint`.
+"""
 
 TRIPLE = JOINT._replace(
     variant=wire.EstimatorVariant.TRIPLE,
@@ -72,7 +74,7 @@ TRIPLE = JOINT._replace(
     parameter_q0=f32(SETTINGS.parameter.Q0),
     parameter_delta=f32(SETTINGS.parameter.delta),
 )
-"""ESTIMATOR with the default settings of `fltea run`, for the algorithm's variant `triple`."""
+"""As `JOINT`, but for the algorithm's variant `triple`."""
 
 
 class OwnEstimator:
@@ -80,8 +82,8 @@ class OwnEstimator:
 
     `lsb`: counts per deg/s. `h`: sampling period [s].
 
-    `stated`: the settings in the form of the message ESTIMATOR, with the present bias and R, and the number
-    of samples that are still to come in the start-up window.
+    `stated`: the message ESTIMATOR. It has the settings, the bias and R of each axis once they are known, and
+    the number of samples that the start-up window still needs.
     """
 
     def __init__(self, stated: wire.Estimator, lsb: float, h: float) -> None:

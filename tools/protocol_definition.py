@@ -26,8 +26,8 @@ HEADER_SIZE = 7
 CRC_SIZE = 4
 COBS_BLOCK = 254
 
-# Fields of HELLO whose positions never change. If a reader refuses a version, it can therefore still name
-# that version.
+# Fields of HELLO whose positions never change. So every reader can read a board's version, even if it does
+# not know that version and has to refuse the board.
 FIXED_PREFIX = [("protocol_major", "u8"), ("protocol_minor", "u8"), ("schema_hash", "u32")]
 
 # Names that a field must not have, because C++, Python or the generated classes already use them.
@@ -191,7 +191,7 @@ class Protocol(_Constants, frozen=True):
 
     @property
     def schema_hashes(self) -> list[int]:
-        """CRC-32 of the canonical text of each minor version from `oldest` to `minor`."""
+        """Schema hash (CRC-32 of the text of `canonical`) of each minor version from `oldest` to `minor`."""
         return [zlib.crc32(self.canonical(minor).encode()) for minor in range(self.oldest, self.minor + 1)]
 
 
@@ -257,7 +257,7 @@ def _named(tables: dict[str, dict[str, _Value]] | dict[str, dict[str, _Bit]]) ->
 
 
 def _problems(protocol: Protocol) -> Iterator[str]:
-    """Yield the faults that cannot be found by checking each field alone."""
+    """Yield the faults that show only in the whole definition, such as two messages with the same name."""
     messages, fields = protocol.messages, [field for one in protocol.messages for field in one.fields]
     if protocol.oldest > protocol.minor:
         yield f"oldest {protocol.oldest} is later than minor {protocol.minor}"

@@ -124,10 +124,10 @@ class PtyPort:
         return found
 
     def was_emptied(self) -> bool:
-        """Return whether a program has discarded the unread bytes since the last call.
+        """Return whether a program has emptied the port since the last call. Programs do so on opening it.
 
-        Every program discards the unread bytes while it opens the port. A call of this method also discards
-        the bytes that programs have sent to the board.
+        To empty the port is to discard the board's bytes that no program has read. If a program has done so,
+        this call in turn discards the bytes that programs have sent to the board.
         """
         poll = select.poll()
         poll.register(self.master, select.POLLPRI)

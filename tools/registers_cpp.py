@@ -18,8 +18,8 @@ PIOB: PER PDR OER SODR CODR PDSR IER ISR MDER MDDR ABSR AIMER ESR REHLSR
 RSTC: SR=RSTTYP
 WDT: CR=WDRSTT,KEY MR=WDV,WDRSTEN,WDD,WDDBGHLT
 """
-"""Each peripheral with its registers, by their names in the SVD. For the fields and values that the firmware
-uses: their names in the header.
+"""What the firmware uses, in words PERIPHERAL: REGISTER=FIELD,FIELD. Peripherals and registers have their
+names in the SVD. Fields, and values of fields, have their names in the header.
 """
 
 
@@ -39,7 +39,7 @@ def header(peripherals: dict[str, Peripheral]) -> str:
 
 
 def _declared(field: Field) -> list[tuple[str, str]]:
-    """Return the name and the declaration of a field, or of each value of the field."""
+    """Return pairs (name, C++ declaration): one pair for the field, or one for each value of the field."""
     masks = {f"{field.name}_{name}": value for name, value in field.values.items()}
     if field.width == 1 and not masks:
         masks = {field.name: 1}

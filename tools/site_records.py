@@ -63,7 +63,7 @@ def records() -> str:
 def rows(struct: type[msgspec.Struct], path: str = "", *, own: bool = True) -> Rows:
     """Yield path, type and meaning of each field.
 
-    `own`: whether to leave out the fields that all records have.
+    `own`: True for the record's own fields; False also yields those that all records have.
     """
     info = types.type_info(struct)
     assert isinstance(info, types.StructType)

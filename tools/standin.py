@@ -111,10 +111,9 @@ def main() -> int:
 
 
 def serve(port: PtyPort, device: Device, limit: int) -> None:
-    """Send in real time until the client closes the port.
+    """Boot, and send in real time until the client closes the port or another opening empties it.
 
-    Also end if a program opens the port anew: it then discards the unread bytes, and gets the first bytes of
-    a new start.
+    The caller then calls this function again, with a new boot.
     """
     opened_s = time.monotonic()
     while not port.was_emptied() and time.monotonic() < opened_s + OPENING_S:
