@@ -21,9 +21,9 @@ from fltea.wire.transport import QUEUE_BYTES
 
 WAIT_S = 0.5
 PATIENCE_NS = 1_000_000
-"""If there are many devices, samples and bytes of a device wait until more have come, so that outputs get
-them in larger portions. The wait is this long, multiplied by the number of devices [ns]. So an output gets at
-most a thousand portions a second.
+"""With many devices, the samples and bytes of a device are collected, so that outputs get fewer, larger
+portions. They are collected for this time, multiplied by the number of devices [ns]. So each of n devices has
+a portion every n ms, and an output of all devices gets at most a thousand portions a second.
 """
 
 

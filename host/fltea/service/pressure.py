@@ -4,7 +4,7 @@ from fltea.records.ports import Report
 from fltea.stream.fit_worker import FitWorker
 
 CHECK_NS = 10**9
-"""Time between two checks of all devices [ns]. Among other things, it is checked how long samples wait."""
+"""Time between two checks of how long samples wait [ns]."""
 
 LATE_NS = 10**9
 """If samples wait longer than this, refits are assumed to take too much of the processor's time [ns]."""
@@ -37,7 +37,7 @@ class Pressure:
         self._longest_ns = max(self._longest_ns, ns)
 
     def check(self, now_ns: int) -> None:
-        """Change how often refits are made, by the waiting times since the last call."""
+        """Make refits less or more frequent, by the longest wait of samples since the last call."""
         longest_ns, self._longest_ns = self._longest_ns, 0
         fit_worker = self._fit_worker
         if longest_ns > CALM_NS:

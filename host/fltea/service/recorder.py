@@ -26,9 +26,11 @@ FAULT = "The recording stopped because of a fault: see the list of events."
 
 
 class RecorderOfHub:
-    """Adds recordings to the hub, and removes them again. A recording is an output of one device.
+    """Begins and ends recordings, each of one device.
 
-    `settings`: settings of `--record`. `folder`: folder for recordings if these settings name none.
+    A recording is an output, which is added to the hub (the object that passes records to all outputs).
+
+    `settings`: the table `record` of the settings. `folder`: folder for recordings if `settings` names none.
     `replays`: names of the devices whose source is itself a recording.
     """
 

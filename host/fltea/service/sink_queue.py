@@ -101,7 +101,10 @@ class QueueCounts:
         self._lost_before: int | None = None
 
     def begin_batch(self) -> int:
-        """Note that all waiting records are being written, and return how many were dropped before."""
+        """Note that all waiting records are being written.
+
+        Return the number of records that were dropped since the previous batch was taken from the queue.
+        """
         self.in_hand, self.waiting = self.waiting, 0
         overflow, self.overflow = self.overflow, 0
         self._lost_before = self._sink.lost
@@ -123,7 +126,10 @@ class QueueCounts:
             self.in_hand, self._lost_before = 0, None
 
     def stats(self) -> OutputStats:
-        """Return the published counts. The output is not asked for its count while it writes a batch."""
+        """Return the counts for the record `stats`.
+
+        While the output writes a batch, its number of lost records from before the batch is used.
+        """
         lost = self._sink.lost if self._lost_before is None else self._lost_before
         return OutputStats(self._written - lost, self.dropped + lost, self.waiting + self.in_hand)
 
@@ -224,7 +230,7 @@ class SinkQueue:
         self.thread.wake_up.ring()
 
     def release(self) -> None:
-        """End all waiting for room in this queue, now and later."""
+        """Let `put` no longer wait for room: calls that wait now go on, and later calls do not wait."""
         with self._changed:
             self._released = True
             self._changed.notify_all()
@@ -262,8 +268,8 @@ class SinkQueue:
                 self.sink.depart(item)
             else:
                 self.sink.write(item)
-        # items are dropped only while the queue is full, so the dropped items came after all items that are
-        # queued
+        # Once the queue is full, all items are dropped until the next batch is taken. So the dropped items
+        # came after the items of this batch, and are reported after them.
         if overflow:
             self.sink.on_overflow(overflow)
         self.sink.flush()

@@ -26,7 +26,7 @@ every sample.
 VERSION = 5
 """Version of the file's format, and of the states of native estimators in the file.
 
-Up to version 4, the state of each native estimator had a header.
+It becomes larger whenever the format changes. A file of another version is not used.
 """
 
 POLL_S = 1.0

@@ -2,8 +2,8 @@
 
 If the server's settings lack the mapping of subjects, or have another number of partitions, the server
 accepts all frames, but no worker reads them. To find this out, test messages are published under names that
-no device can have. The subjects under which the test messages come back show the mapping. The header of a
-test message names a stream that does not exist, so that no stream keeps the message.
+no device can have. The subjects under which the test messages come back show the mapping. A header of each
+test message says that only the stream of a given name may keep it. No stream has that name, so none keeps it.
 """
 
 import asyncio
@@ -16,12 +16,14 @@ from nats.aio.msg import Msg
 NAMES = 32
 """Test messages are published under this number of device names.
 
-If the server has a wrong number of partitions, at most about half of the names get the right partition. With
-this number of names, a wrong number of partitions is noticed.
+If the server has a wrong number of partitions, a name still gets the right partition by chance, with a
+probability of at most about one half. This practically never happens for all 32 names.
 """
 
 MOST = 4096
-"""If a mapping is wrong, numbers of partitions up to this one are tried to explain it."""
+"""If a mapping is wrong, the server may have another number of partitions. To name this number to the user,
+all numbers up to `MOST` are tried.
+"""
 
 ANSWER_S = 1.0
 

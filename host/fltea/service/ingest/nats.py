@@ -139,14 +139,14 @@ class NatsFrames:
 
     async def _serve_over(self, client: Client) -> None:
         """Serve partitions over one connection, until `close` is called."""
-        # A request fails if the server has not answered after `LEASE_S`, the life of a lease. Waiting longer
-        # would not help: this worker's leases of its partitions would not have been renewed for so long that
-        # other workers may take them over.
+        # A request fails if the server has not answered after `LEASE_S`, the life of a lease. It makes no
+        # sense to wait longer: after that time this worker's leases have ended, and others may take its
+        # partitions.
         store = Store(self._settings, client.jetstream(timeout=LEASE_S))
         await store.prepare()
         self._reports.differences(store.differs)
         self.partitions.begin(store)
-        # renew() raises an error if the server's store is full, so that such a server is not reported as back
+        # If the server's store is full, renew() raises an error, and the end of the outage is not reported.
         await self.partitions.renew()
         renewed_s, probed_s = time.monotonic(), -PROBE_S
         self.connected = True

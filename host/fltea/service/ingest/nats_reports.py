@@ -1,6 +1,7 @@
 """Report troubles of a NATS server.
 
-Each kind of trouble is reported once in an outage, or at most once a minute.
+The causes of an outage are reported once in each outage. A trouble that occurs again and again while the
+server works, such as a snapshot that cannot be stored, is reported at most once a minute.
 """
 
 import ssl
@@ -46,10 +47,10 @@ class Reports:
     def refused(self, error: Exception) -> None:
         """Remember that the server refuses a request.
 
-        The server does not answer such a request. It sends the reason for the refusal separately.
+        The server does not answer a request that it refuses. It sends the reason as a separate error, which
+        is remembered here to explain the missing answer.
 
-        If the server refuses to publish frames, this is not noted here, since the module `mapping` reports
-        it.
+        A refusal to publish or read the subjects of frames is ignored, since `mapping.check` finds it.
         """
         text = str(error)
         if "permissions" in text.lower() and '"fltea.' not in text:
@@ -139,8 +140,8 @@ class Reports:
     ) -> None:
         """Report that this worker begins to serve a partition, and from which message.
 
-        `gone`: the numbers of those messages that the stream no longer has. `unreadable`: number of snapshots
-        that cannot be used.
+        `gone`: numbers of messages that the worker needs, but the stream no longer has. `unreadable`: number
+        of snapshots that cannot be used.
         """
         whose = f"of {before.owner}, which has gone silent," if before.owner else "that was given back"
         if before.owner == worker:

@@ -55,9 +55,8 @@ class Held:
     """A partition that this worker serves.
 
     `before`: number of the last message that the previous worker has processed. `lapsed`: whether the lease
-    was not renewed in time. If so, this worker skips messages until it has asked the server to send all those
-    after the last processed one again.
-    `resuming`: whether these messages were requested from the server.
+    was not renewed in time. This worker then skips messages. Once the lease is renewed, the worker asks the
+    server to send the skipped messages again. `resuming`: whether it has asked, and they have not come yet.
     """
 
     revision: int
@@ -75,7 +74,8 @@ class Held:
 class BackgroundPuts:
     """Stores and deletes snapshots in the background, while a connection lasts.
 
-    `loop`: event loop of the connection; None while there is none. `puts`: those that have not ended yet.
+    `loop`: event loop of the connection; None while there is none. `puts`: the running
+    orders to store or delete a snapshot.
     """
 
     def __init__(self, reports: Reports) -> None:
@@ -165,7 +165,7 @@ class Partitions:
         return not held.lapsed
 
     def resume(self, partition: int) -> None:
-        """Note that the server now sends those messages of a partition again that were left out."""
+        """Note that the messages of a partition that this worker skipped now arrive a second time."""
         held = self._held.get(partition)
         if held is not None:
             held.lapsed, held.resuming = not held.is_fresh(), False
@@ -206,7 +206,10 @@ class Partitions:
                 self._let_go(partition)
 
     async def _check_clock(self) -> None:
-        """Write this worker's entry. Compare the server's time for the entry with this machine's clock."""
+        """Compare the server's clock with this machine's clock.
+
+        For this, write this worker's entry in the bucket of leases: the server says when it was written.
+        """
         key, before_ns = f"worker.{self._worker}", host_ns()
         await self.store.leases.put(key, b"")
         written_ns = (before_ns + host_ns()) // 2
@@ -331,9 +334,9 @@ async def _pull(
 ) -> None:
     """Put all messages of a partition from number `start` on into the inbox.
 
-    The library may lose messages of a request that it gave up. If message numbers are missing, the missing
-    messages are requested again. `unix_offset_ns`: function that returns the present offset from `host_ns` to
-    the Unix time of the stream.
+    If a request takes too long, the library gives it up, and messages that were on their way may be lost.
+    This shows as a gap in the message numbers. Then all messages from the gap on are requested again.
+    `unix_offset_ns`: function that returns the present offset from `host_ns` to the server's Unix time.
     """
     while True:
         pulling = await store.consume(partition, start)

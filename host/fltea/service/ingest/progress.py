@@ -11,9 +11,9 @@ from fltea.service.ingest.snapshots import Snapshots
 class Progress:
     """Follows up to which message a worker has processed each of its partitions.
 
-    `shared`, `snapshots`: this worker's part of the partitions, and the snapshots of their devices; None if
-    there is only one worker, and no partitions. `walked`: for each partition, a message number: all messages
-    up to this number were processed.
+    `shared`: this worker's part of the partitions. `snapshots`: the snapshots of their devices. Both are None
+    for a broker without partitions, which has only one worker. `walked`: for each partition, a message
+    number. All messages up to this number were processed.
     """
 
     def __init__(self, shared: Shared | None, snapshots: Snapshots | None) -> None:
@@ -25,8 +25,8 @@ class Progress:
     def serves(self, partition: int) -> bool:
         """Return whether messages of a partition may be processed.
 
-        If a message of the partition was left out, no later one is processed either, until the broker
-        delivers the messages that were left out again.
+        If a message of the partition was skipped, all later ones are skipped, too. This ends when the broker
+        delivers the skipped messages a second time (`resume`).
         """
         if self.shared is None or partition in self._left_out or not self.shared.serves(partition):
             self._left_out.add(partition)
@@ -42,13 +42,13 @@ class Progress:
 
         `done`: number of the message, by partition.
 
-        A number is ignored if an earlier message of its partition was left out, which has to come again.
+        A partition of which a message was skipped is ignored, since processing goes on from that message.
         """
         for partition in done.keys() - self._left_out:
             self._note(partition, done[partition])
 
     def resume(self, partition: int) -> None:
-        """Process a partition again: the broker now delivers the messages that were left out once more."""
+        """Process a partition again, since the broker now delivers the skipped messages a second time."""
         assert self.shared is not None
         self._left_out.discard(partition)
         self.shared.resume(partition)

@@ -13,8 +13,8 @@ from fltea.settings.config import Config
 class Shared(Protocol):
     """This worker's part of the partitions of devices, with a store for snapshots of the devices.
 
-    `unix_offset_ns`: offset from `host_ns` to the Unix time of the stream. All workers use the same Unix time
-    of the stream, whatever their own clocks say.
+    `unix_offset_ns`: what has to be added to `host_ns` to get Unix time by the clock of the server. All
+    workers use the server's clock, so their times agree even if their own clocks do not.
     """
 
     unix_offset_ns: int

@@ -27,8 +27,8 @@ MOST_TAKEN = 64
 class _Taken(NamedTuple):
     """A snapshot of a device that waits to be stored.
 
-    `is_written`: function that returns whether the outputs have written all records of messages before the
-    snapshot.
+    `is_written`: function that returns whether the outputs have written all records that were made before the
+    snapshot was taken.
     """
 
     name: str
@@ -92,8 +92,8 @@ class Snapshots:
                 continue
             state = device.stream.save()
             if state is None and young < self._period_ns:
-                # There is no state to save while the start-up window fills, the first samples of an epoch. A
-                # worker that takes the device over then has to begin at its first message anyway.
+                # There is no state to save while the start-up window fills. A snapshot without a state is
+                # only stored after the whole period between two snapshots.
                 continue
             device.is_whole = True
             mark = max(device.mark, walked.get(device.partition, 0))

@@ -32,13 +32,13 @@ If a device publishes more, the stream drops messages of this device, and of no 
 
 LEASES_BYTES = 16_000_000
 DUPLICATE_S = 120.0
-"""Time within which the server detects duplicate messages, by default [s]. It must not exceed the setting
-`keep_s`.
+"""Time within which a NATS server drops a second message with the same ID, by the server's default [s]. For
+a stream, the server accepts no longer time than that for which the stream keeps messages (`keep_s`).
 """
 
 NO_ROOM = (10023, 10047)
-"""Error codes of JetStream (the part of NATS that keeps messages) for a lack of room. The first means that a
-message does not fit, the second that a new stream does not fit.
+"""Error codes of JetStream (the part of NATS that keeps messages) for a lack of room. 10023: there is no room
+for a message. 10047: there is no room for a new stream.
 """
 
 FULL = 10077
@@ -219,7 +219,10 @@ class Store:
         return True
 
     async def consume(self, partition: int, start: int) -> JetStreamContext.PullSubscription:
-        """Replace the consumer of a partition on the server. The previous worker then gets no more messages.
+        """Return a subscription that pulls a partition's messages, from message number `start` on.
+
+        It needs a consumer on the server, an object that keeps the reader's position. A new consumer replaces
+        the old one, so the previous worker gets no more messages.
 
         Raises:
             Unfit: `start` is beyond the end of the stream, so the stream must have been made anew.
