@@ -277,8 +277,8 @@ def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 def parse_setting(text: str) -> tuple[str, Any]:
     """Split the text `path=value` of a --set flag.
 
-    The value is read as TOML. If it is no TOML, it is read in the same way as the text after the flag for
-    this setting.
+    The value is read as TOML. A value that is no TOML, such as a word without quotes, is read like the text
+    after the setting's own flag.
 
     Raises:
         UsageError: the path or the value is missing.
@@ -348,7 +348,7 @@ def _explain(message: str, tree: Mapping[str, Any]) -> str:
         key = joined(path, unknown[1])
         return f"{key}: there is no such setting. Known here: {', '.join(TABLES[path].__struct_fields__)}."
     setting = SETTINGS.get(re.sub(r"\[.*", "", path))
-    # any other message on a setting says that its value has a wrong type, or is a word that it does not allow
+    # All other messages about a setting mean that its value has a wrong type, or is not an allowed word.
     if setting is not None:
         return f"{setting.wrong(_value(tree, setting.path))}."
     if path in TABLES and reason.partition(" ")[0].rstrip(":") in TABLES[path].__struct_fields__:

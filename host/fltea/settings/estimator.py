@@ -86,8 +86,9 @@ EstimateOn = Literal["host", "device", "both"]
 """Which computer estimates the gyroscope's axes."""
 
 Tuning = Literal["live", "startup"]
-"""Source of the filters' variances Q (of a step of the state) and R (of the measurement): the live fit as
-soon as there is one, or the settings and the start-up window.
+"""Where the filters get their variances Q (of a step of the state) and R (of the measurement). "startup":
+from the settings or the start-up window. "live": in the same way at first, and from the live fit once it
+knows them.
 """
 
 DEFAULT_TUNING: Tuning = "live"

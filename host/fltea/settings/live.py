@@ -8,9 +8,9 @@ from fltea.settings.setting import Setting, Table
 TUNED_WITHIN = 0.3
 """A fit tunes the filters only if the half-width of α's 95 % interval is at most this.
 
-If the interval is wider, the filters' own initial values are often nearer to the truth than the fit. If this
-limit were smaller, the first fit that tunes the filters would often be one whose interval is too narrow by
-chance (host/docs/evaluation/live.md).
+A larger limit would be worse: a fit with a wider interval is often further from the truth than the filters'
+initial values. A smaller limit would be worse, too: the first fit that meets it often has an interval that is
+too narrow by chance (host/docs/evaluation/live.md).
 """
 
 

@@ -265,12 +265,13 @@ class Output(NamedTuple):
     """One output, a row of `OUTPUTS`.
 
     `name`: key of the output's counts in `stats.outputs`. `on`: path of the setting that switches the output
-    on, by any value or, if `when` is given, by one of its values. `module`: name of the module in
+    on. `when`: values that switch it on; if empty, every value does. `module`: name of the module in
     `fltea.sinks` that opens the output, and checks it for `fltea doctor` (`OutputModule` in
-    `sinks/opening.py`). `each`: for what the output is opened once: the program, each device, or all shared
-    sources together (each brings many devices). `section`: the output's heading in the guide to outputs.
-    `what`: what the output writes, for the guide's table. `extra`, `library`: the extra of the package, and
-    the module, that the output needs. `of_many`: whether the output takes the records of shared sources.
+    `sinks/opening.py`). `each`: whether the output is opened once for the program, once for each device, or
+    once for all shared sources (sources of many devices). `section`: the output's heading in the guide to
+    outputs. `what`: what the output writes, for the guide's table. `extra`: extra of the package that
+    installs `library`. `library`: module that the output needs. `of_many`: whether it works with shared
+    sources.
     """
 
     name: str

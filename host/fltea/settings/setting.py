@@ -21,8 +21,8 @@ from msgspec import inspect as types
 from fltea.settings.duration import EXAMPLE, in_seconds
 
 END = 2.0**63
-"""If a setting states no limit, its numbers may be up to this large. Larger whole numbers do not fit into 64
-bits.
+"""Largest absolute value of a number if the setting states no limit. Whole numbers beyond it do not fit into
+64 bits.
 """
 
 MOST_SHOWN = 200
@@ -44,12 +44,12 @@ class Setting:
     above: float = -math.inf
     most: float = END
     text: str = ""
-    """description of a valid text, such as "the name of a folder"; if there is a description, the text must
-    not be empty
+    """what a value that is text must be, such as "the name of a folder". If this is given, the setting
+    accepts no empty text.
     """
     time: bool = False
-    """whether a text value is a time such as "30 s"; if `unit` is "s", the range applies to the time in
-    seconds
+    """whether a value that is text must be a time, such as "30 s". The range applies to it only if `unit` is
+    "s".
     """
     flags: tuple[str, ...] = ()
     """flags of `fltea run` that set the setting"""
@@ -57,7 +57,7 @@ class Setting:
     example: Any = None
     """a value for the documentation if there is no default"""
     board: bool = False
-    """whether the default is also written to the board's header"""
+    """whether the firmware has the same default, in a header file that is generated from the settings"""
 
     def contains(self, number: Any) -> Any:
         """Return whether a number is in the allowed range. A number that is not finite is never in range.
@@ -90,7 +90,10 @@ class Setting:
         return f" above {self.above:g}{up}" if self.above > -math.inf else ""
 
     def words(self, kind: types.Type) -> list[str]:
-        """Return what a value of type `kind` must be, in words: one text for each alternative."""
+        """Return what a value of type `kind` must be, in words, such as "a whole number from 1 to 9".
+
+        If the type is a union, such as int | str, there is one text for each of its types.
+        """
         if isinstance(kind, types.UnionType):
             parts = [part for one in kind.types for part in self.words(one)]
             return parts[1:] + parts[:1] if isinstance(kind.types[0], types.StrType) else parts

@@ -15,15 +15,16 @@ class SourceKind(NamedTuple):
         module: module that opens the source and checks it for `fltea doctor`: a `SourceModule`
             (`sources/opening.py`), for a shared source a `ReceiverModule` (`service/ingest/receiver.py`).
         example: an example of its URL, for messages and the help.
-        what: what the source is, for the help of `--source`; empty if the next row says it.
+        what: what the source is, for the help of `--source`. If it is empty, the text of the next row in
+            `SOURCES` describes both kinds.
         samples_only: whether its devices only send samples and make no estimates themselves.
         described: whether the user may describe its columns, units and rate by options.
         may_be_bare: whether the URL may end right after the colon.
         shared: whether many devices send through the source; `service.ingest` opens it then.
         extra: extra of the package that installs `library`.
         library: module that a source of this kind needs.
-        check: module with `check_source`, if not `module` has it, since the check lists this machine's
-            devices or listens to a board, which is for rooms below that of the source.
+        check: module with `check_source`, if `module` does not have it. The check lists this machine's
+            devices or listens to a board. The package of `module` may not import what is needed for that.
     """
 
     schemes: tuple[str, ...]
