@@ -2,9 +2,9 @@
 
 The lines are byte for byte those that the library msgspec would make of the records.
 
-Most of the text is equal in all records of a kind. So one record is encoded with a gap in place of each
-number that comes from a column. The text between the gaps is used again for all blocks that differ only in
-these numbers.
+The records of one kind in a block differ only in the numbers that come from the block's columns. So one
+record is encoded with a gap in place of each such number. For all other records, the text between the gaps is
+used again, and only the numbers are converted.
 """
 
 import re
@@ -21,8 +21,9 @@ from fltea.records.ports import Wanted
 from fltea.records.records import ACCEL_UNIT
 
 MOST = 4096
-"""The text of a JSON line between the numbers is kept for each pair of a device and a choice of records, for
-at most this number of pairs. If there are more, all texts are made anew.
+"""The text between the numbers of a JSON line is kept. There is one such text for each device and each
+`Wanted` (which kinds of records to convert). If there are more than this number of texts, all are deleted and
+made anew.
 """
 
 HOLE = re.compile(rb"\0(\d+) (\d+)\0")
@@ -55,14 +56,15 @@ class BlockLines:
 def run_printer(block: Block, wanted: Wanted) -> RunPrinter:
     """Return a native printer, which converts samples to JSON lines in C++.
 
-    The printer can be used as long as the values that are equal in all records do not change. `block`: an
-    example of a block that the native device has processed.
+    `block`: a block that the native device has processed. The printer's lines contain those values of this
+    block that are equal in all its records (`_said`). If one of these values changes, a new printer is
+    needed.
     """
     return RunPrinter(_lines(block, wanted), block.every, block.weight_of_row, _shape(block))
 
 
 def _shape(block: Block) -> list[int]:
-    """Return how many columns of each sort the block has, in the form that `_native.RunPrinter` takes."""
+    """Return which columns the block has, and how many, in the form that `_native.RunPrinter` takes."""
     accel_axes = 0 if block.accel_ms2 is None else block.accel_ms2.shape[1]
     shape = [block.gyro_dps.shape[1], accel_axes, block.temperature_c is not None, block.flags is not None]
     estimated = [one.unit for one in block.estimates]
@@ -72,7 +74,10 @@ def _shape(block: Block) -> list[int]:
 
 
 def _said(block: Block) -> object:
-    """Return all values of a block that are the same in all its records."""
+    """Return what determines the text between the numbers of a block's JSON lines.
+
+    If two blocks of a device have the same, the text is the same, too.
+    """
     return (
         block.epoch,
         block.variant,
@@ -94,9 +99,10 @@ def _columns(block: Block) -> list[Any]:
 
 
 class _Holes(Values):
-    """Converts columns so that each number in a record is replaced by a mark.
+    """Makes records that have a mark in place of each number from a column.
 
-    A mark holds the index of the number's column, and the index of the number in a row of this column.
+    A mark tells which number belongs there. It consists of two indices: that of the column in `columns`, and
+    that of the number in the column's row, such as 2 for the third axis.
     """
 
     def __init__(self, columns: Sequence[Any]) -> None:

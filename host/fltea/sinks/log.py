@@ -54,7 +54,7 @@ class LogSink(Sink):
                 del self._lines[key]
 
     def close(self) -> None:
-        """Report how many messages of this kind were left out since the last report."""
+        """For each kind of message, report how many were left out since the last report."""
         for key, (_, _, silenced) in self._lines.items():
             self._report_silenced(key, silenced)
 

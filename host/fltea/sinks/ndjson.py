@@ -28,8 +28,8 @@ class NdjsonSink(Sink):
     name = "stdout"
     lossless = True
     capacity = 50_000
-    # the pause between two writes can be short: even with many devices, their records arrive together as one
-    # text
+    # The pause between two writes serves to write the records of many devices together. Here it can be short,
+    # since the records of many devices arrive together anyway, as one text.
     rest_s = 0.0003
     prints: Wanted
 

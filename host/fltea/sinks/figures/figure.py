@@ -49,9 +49,9 @@ class Metric(NamedTuple):
     Its name follows Prometheus' recommendations: base units, and no ending `_total`, which is added to
     counters later.
 
-    `text`: explanation of the metric. `factor`: factor from the field's unit to the base unit. `key`: name of
-    the label that holds the keys, if the field is a mapping. A field whose value is a word is treated as a
-    mapping from this word to 1. `convert`: function that converts the field's value to a number.
+    `text`: explanation of the metric. `factor`: factor from the field's unit to the base unit. `key`: if the
+    field is a mapping, the name of a label, whose values are the mapping's keys. A field that holds a word
+    counts as the mapping {word: 1}. `convert`: function that converts the field's value to a number.
     """
 
     kind: Literal["counter", "gauge"]
@@ -158,7 +158,7 @@ class Figure(NamedTuple):
 
     @property
     def places(self) -> list[str]:
-        """The names of the places that show the figure, except for the metrics."""
+        """Names of the places that show the figure, such as "page"; without the Prometheus metrics."""
         where = {
             "page": self.page,
             "terminal": self.terminal,
@@ -169,10 +169,10 @@ class Figure(NamedTuple):
 
 
 class Root(NamedTuple):
-    """Where the objects of a class stand within a record.
+    """The place of the objects of a class: the records that contain them, and where in such a record.
 
-    `record`: type of the record. `path`: path of fields to the object; empty if the object is the record
-    itself. `metrics`: text after `fltea_` with which the names of the metrics begin.
+    `record`: type of the record. `path`: path of fields from the record to the object; empty if the object is
+    the record itself. `metrics`: the names of the metrics begin with `fltea_` and this text.
     """
 
     record: type[Record]
@@ -199,8 +199,8 @@ ROOTS: dict[type, Root] = {
     AxisFit: Root(Fit, "axes", "fit_"),
     DeviceAxisFit: Root(DeviceFits, "axes", "device_fit_"),
 }
-"""All types of records, and of parts of records, that contain figures. For each type: where in a record such
-a part is.
+"""All classes whose fields are figures: types of records, and of parts of records. For each class: in which
+records its objects are, and where.
 """
 
 

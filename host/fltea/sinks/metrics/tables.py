@@ -26,10 +26,10 @@ Labelled = Sequence[tuple[tuple[str, ...], Any]]
 class Row(NamedTuple):
     """Declares how a metric is made from a field of a record.
 
-    `of`: name of the field, if it differs from the metric's name, or a function that computes the value from
-    the record. `factor`: factor from the field's unit to the base unit. `key`: name of the label that holds
-    the keys, if the field is a mapping. A field whose value is a word is treated as a mapping from this word
-    to 1.
+    `of`: the field's name, or a function that computes the value from the record; empty if the field has the
+    metric's name. `factor`: factor from the field's unit to the base unit. `key`: if the field is a mapping,
+    the name of a label, whose values are the mapping's keys. A field that holds a word counts as the mapping
+    {word: 1}.
     """
 
     make: type[CounterMetricFamily] | type[GaugeMetricFamily]
@@ -57,7 +57,7 @@ def filled(
 ) -> Metric:
     """Add values to a metric, and return the metric.
 
-    `values`: pairs of the labels' values and the metric's value.
+    `values`: for each value to add, the values of its labels and the number itself.
     """
     for names, value in values:
         family.add_metric(names, value)

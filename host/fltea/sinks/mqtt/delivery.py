@@ -61,10 +61,10 @@ class Flight:
             self._unsure += 1
 
     def arrived(self, mid: int) -> Message | None:
-        """Return the message number `mid`, which is now acknowledged.
+        """Note that the message number `mid` is acknowledged, and return this message.
 
-        Return None for a message of QoS 0. For it, the library only acknowledges that it was written to the
-        socket.
+        Return None for a message of QoS 0. The broker does not acknowledge such a message; the library only
+        says that it was written to the socket.
         """
         entry = self._unacknowledged.pop(mid, None)
         if entry is None:
@@ -101,7 +101,7 @@ class Delivery:
     def begin(self) -> None:
         """Begin to send the messages of another device.
 
-        If the broker refuses messages of the new device, too, this is reported again.
+        A refusal by the broker is reported once for each device.
         """
         self._refusal_reported = False
 

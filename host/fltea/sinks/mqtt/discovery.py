@@ -60,10 +60,11 @@ def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats])
 
 
 def _is_by_axis(figure: Figure, entity: Entity) -> bool:
-    """Return whether each axis has an entity of its own for the figure, or the device has one for all.
+    """Return whether each axis has an entity of its own for the figure.
 
-    Home Assistant computes an entity's value by a template. If the figure brings its own template, that one
-    reads the values of all axes, so the device has one entity.
+    Otherwise the device has one entity for the figure. This is so for a figure that has no value for each
+    axis. It is also so if the declaration has its own template (the expression by which Home Assistant
+    computes the value), since such a template reads the values of all axes.
     """
     return ROOTS[figure.kind].by_axis and not entity.template
 

@@ -38,8 +38,8 @@ IDLE_NS = 3600 * 10**9
 """Time after which a device without records is forgotten [ns]."""
 
 EVERY = 1000
-"""Estimates are published for at most one in `EVERY` samples, which is every ten seconds for a board that
-samples at 100 Hz.
+"""Of each device, samples and estimates are published at most once in this number of samples. At 100 Hz, this
+is once in ten seconds.
 """
 
 
@@ -60,7 +60,7 @@ class OwnStatus:
         self._link.open(shared.connect())
 
     def look(self) -> None:
-        """Connect again if the connection was lost, and publish the status on a new one."""
+        """Connect again if the connection was lost. On each new connection, publish the status."""
         if self._link.is_due():
             self._link.open(self._shared.connect())
         for event in self._link.events():

@@ -49,7 +49,10 @@ class SharedConnection:
         self.up = False
 
     def connect(self) -> View:
-        """Return a new view of the connection. It receives `Up` when the broker accepts the connection."""
+        """Return a new `View` of the connection, for one device.
+
+        When the broker has accepted the connection, the view's `events` contain `Up`.
+        """
         view = View(self)
         self._views[view] = None
         if self._connection is None:
@@ -64,7 +67,7 @@ class SharedConnection:
         return len(self._mids)
 
     def pump(self) -> None:
-        """Pass the events of the shared connection on to the views of the devices."""
+        """Move the events of the shared connection to the views (`View.events`) that they concern."""
         connection = self._connection
         while connection is not None and connection.events:
             event = connection.events.popleft()
@@ -94,7 +97,7 @@ class SharedConnection:
         return mid
 
     def leave(self, view: View) -> None:
-        """End the part that one device has in the shared connection, its view."""
+        """Pass no more events to a view, since its device no longer uses the connection."""
         self._views.pop(view, None)
 
     def close(self, deadline_s: float) -> None:

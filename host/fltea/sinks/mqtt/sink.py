@@ -38,8 +38,8 @@ KINDS = {
     "estimate": Wanted(estimates=True),
     "corrected": Wanted(corrected=True),
 }
-"""The kinds of records that a block contains once for each sample. For each kind: the `Wanted` that selects
-the records of this kind when the block is encoded as JSON.
+"""The kinds of records that a block contains once for each sample. For each kind: the argument `wanted` with
+which `BlockLines.of` returns the records of this kind, and no others.
 """
 
 
@@ -104,7 +104,8 @@ class MqttSink(Sink):
     def write(self, item: Item) -> None:
         """Publish a record.
 
-        If its device is not known yet or the broker is not connected, keep the record until then.
+        Until the first HELLO, and while the connection is lost, only rare records are kept for later.
+        Frequent ones, such as estimates, are dropped.
         """
         self._delivery.poll()
         if isinstance(item, Block):
@@ -153,9 +154,8 @@ class MqttSink(Sink):
     def _is_due(self, kind: str, seq: int, every: int) -> bool:
         """Return whether to publish the record of the sample with number `seq`.
 
-        Of every `every` successive numbers, one is published.
-
-        If the sample with that number is missing, the next sample is published instead.
+        It is published if `seq` is a multiple of `every`. If the sample with such a number is missing, the
+        next sample that arrives is published instead.
         """
         before, self._seen[kind] = self._seen.get(kind, seq), seq
         return seq % every == 0 or seq // every > before // every

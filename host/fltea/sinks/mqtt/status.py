@@ -24,7 +24,8 @@ class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     `since_ns`: Unix time since which the device or program has had this status. It is null in a status that
     the broker publishes as the last will. `reason`: why the device or program is offline: `ended`,
-    `connection_lost` (the broker lost the program), or `replaced` (by another board on the same port).
+    `connection_lost` (the broker lost the connection to the program), or `replaced` (by another board on the
+    same port).
     """
 
     status: Level

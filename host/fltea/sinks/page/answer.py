@@ -57,7 +57,9 @@ change, and for several.
 
 
 NARROW = 1.25
-"""The interval of α counts as narrow enough if its width is at most this multiple of the target width."""
+"""The page says that a target for α, such as α ± 0.05, is reached if the interval of α is at most this many
+times as wide as the target.
+"""
 
 
 class Figure(NamedTuple):
@@ -123,9 +125,9 @@ def answer(fit: AxisFit | None, left_s: float | None = None, *, off: bool = Fals
 
 
 def _condition(fit: AxisFit) -> str:
-    """Return a text: the condition under which the noise has the fitted order, and the odds of an order.
+    """Return the text "if the noise is of fractional order", with the odds that it is, if they are known.
 
-    The text is empty if the verdict does not depend on a condition.
+    The text is empty unless the verdict leaves open whether the noise has an order, such as "undecided".
     """
     if fit.verdict not in WITH_ORDER[1:]:
         return ""
@@ -134,7 +136,7 @@ def _condition(fit: AxisFit) -> str:
 
 
 def sentence(found: Answer, level: str, bias: str) -> tuple[str, str]:
-    """Return one sentence with everything known about an axis, as two texts: its first words, and the rest.
+    """Return a sentence about an axis as two texts: the verdict, and a colon with all else that is known.
 
     `level`: N and the error of the heading, as text. `bias`: the bias as text.
     """
@@ -177,8 +179,8 @@ def figure_of(p: Interval) -> Figure | None:
 def _figure(p: Interval | None, digits: int, widest: float) -> Figure | None:
     """Return a parameter as text, with as many digits as its interval justifies.
 
-    `digits`: smallest number of decimals. `widest`: largest half-width of the interval with which the value
-    itself is shown.
+    `digits`: smallest number of decimals. `widest`: if half the width of the interval is larger than this,
+    only the interval is shown, without the value.
     """
     if p is None or p.value is None or p.low is None or p.high is None:
         return None

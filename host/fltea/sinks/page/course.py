@@ -28,9 +28,9 @@ ESTIMATED: dict[str, Kind] = {
     "apart_high": "max",
     "f_apart": "max",
 }
-"""Names of the columns with estimates of an axis. Each name is followed by the way in which the column's
-values are merged when rows are merged. `apart`: α from the device minus α from this computer.
-`f_apart`: absolute difference between f from the device and f from this computer.
+"""Columns with estimates of an axis. For each name: which value the column has after rows were merged, such
+as the mean of the merged values. `apart`: α from the device minus α from this computer. `f_apart`: absolute
+difference between f from the device and f from this computer.
 """
 
 OF_AXIS: dict[str, Kind] = {
@@ -40,8 +40,8 @@ OF_AXIS: dict[str, Kind] = {
     **dict.fromkeys(FIT, "mean"),
     **ESTIMATED,
 }
-"""Names of all columns of an axis. Each name is followed by the way in which the column's values are merged
-when rows are merged. `y`: the sample minus an offset. `state`: the bias minus the same offset.
+"""All columns of an axis. For each name: which value the column has after rows were merged. `y`: the sample
+minus an offset (see `History.offset`), so that the curve is near zero. `state`: the bias minus this offset.
 """
 
 DRAWN = ("y_low", "y", "y_high", "state", "state_std")
@@ -67,9 +67,9 @@ class Course:
         self._tiers = Tiers([*COMMON.values(), *[*OF_AXIS.values()] * len(axes)])
 
     def columns(self, axis: str) -> dict[str, int]:
-        """Return, by name, the index in a row of each column of an axis.
+        """Return where the values of an axis are in a row: a dictionary from the column's name to its index.
 
-        The columns that all axes share are included.
+        The columns that all axes share, such as the time, are included.
         """
         first = len(COMMON) + self.axes.index(axis) * len(OF_AXIS)
         return {name: i for i, name in enumerate(COMMON)} | {
@@ -77,17 +77,17 @@ class Course:
         }
 
     def drawn(self) -> dict[str, int]:
-        """Return, by name, the index in a row of each column of the small diagrams.
+        """Return where the values for the small diagrams are in a row: a dictionary from names to indices.
 
-        The names are "time", and "AXIS NAME" for the columns of the axes.
+        The names are "time", and for each axis and column "AXIS COLUMN", such as "gyro_x state".
         """
         places = {f"{axis} {name}": self.columns(axis)[name] for axis in self.axes for name in DRAWN}
         return {"time": 0} | places
 
     def know(self, axis: str, host_ns: int, values: Mapping[str, float | None]) -> None:
-        """Set values of an axis that all rows have from now on.
+        """Note new estimates of an axis. All rows from now on contain them.
 
-        Each value is given by the name of its column.
+        `values`: the estimates, by the names of their columns.
         """
         places = self._places.get(axis)
         if places is None:
@@ -114,7 +114,8 @@ class Course:
     def sample(self, host_ns: int, temperature_c: float | None, y: Mapping[str, float]) -> None:
         """Append a row.
 
-        `y`: for each axis, the sample minus the offset, for the columns `y_low`, `y` and `y_high`.
+        `y`: for each axis, the sample minus the offset. The columns `y_low`, `y` and `y_high` all get this
+        value, and differ only after rows were merged.
         """
         time_ms = host_ns * 1e-6
         if time_ms - self._last_ms > SILENCE_MS and np.isfinite(self._last_ms):
@@ -138,9 +139,10 @@ class Course:
         return self._tiers.read(window, cursor)
 
     def farthest(self, window: int, axis: str) -> tuple[float, float]:
-        """Return the largest differences between device and computer in a time window: one in α, one in f.
+        """Return how far the device's estimates were from this computer's, at most, in a time window.
 
-        A difference that is unknown in the whole time window is NaN.
+        There are two numbers: the largest absolute difference of α, and that of f. One that is unknown in the
+        whole time window is NaN.
         """
         values, places = self.read(window, Cursor()).values, self._places[axis]
         shown: Array = values[values[:, 0] >= self._last_ms - WINDOWS[window].length_s * 1e3]
