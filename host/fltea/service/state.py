@@ -29,6 +29,9 @@ VERSION = 5
 It becomes larger whenever the format changes. A file of another version is not used.
 """
 
+BEGINNING = b'{"version":'
+"""First bytes of every file of snapshots, of each version."""
+
 POLL_S = 1.0
 """A new snapshot is in the file after at most this time [s]. The setting `period_s` says how often a snapshot
 is made.
@@ -82,6 +85,9 @@ class StateFile:
         try:
             version = msgspec.json.decode(data, type=_Header).version
         except (ValueError, RecursionError) as error:
+            if _is_cut(data, error):
+                self._set_aside(f"{path} is empty or damaged ({error}), so the start-up window begins again")
+                return {}
             text = f"--state {path}: is no snapshot of fltea ({error}). Give another name, or remove it."
             raise UsageError(text) from error
         if version != VERSION:
@@ -149,6 +155,17 @@ class StateFile:
             if not self._failed:
                 self._failed = True
                 self._report("state_failed", f"{error} The old one is kept.")
+
+
+def _is_cut(data: bytes, error: Exception) -> bool:
+    """Return whether a file that cannot be decoded is what a power cut or a full disk leaves of a snapshot.
+
+    Such a file is empty, holds zeros only, or begins like a snapshot and is no JSON. `error`: why it cannot
+    be decoded.
+    """
+    left = data.rstrip(b"\0")
+    is_json = isinstance(error, msgspec.ValidationError)
+    return not is_json and (BEGINNING.startswith(left) or left.startswith(BEGINNING))
 
 
 def _check_writable(path: Path) -> None:
