@@ -2,6 +2,7 @@
 // decides when such a trouble has to be reported.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -60,10 +61,10 @@ class PortWatch {
     }
     void on_failed() { is_connected_ = false; }
 
-    // From now on, counts the time without bytes, without readable frames and without a HELLO again. This is
-    // needed when the port was opened, or when the program itself was not running for a while.
+    // Begins again to measure the times after which a trouble is reported. Bytes that came before `now_ns` and
+    // are passed to on_bytes() later do not change this.
     void forgive(std::int64_t now_ns) {
-        opened_ns_ = byte_ns_ = now_ns;
+        forgiven_ns_ = opened_ns_ = byte_ns_ = now_ns;
         has_unread_ = false;
     }
 
@@ -120,7 +121,7 @@ class PortWatch {
   private:
     PortTrouble trouble_of(std::int64_t now_ns) const {
         const auto is_long = [&](std::int64_t since_ns) {
-            return time_between(since_ns, now_ns) >= times_.silence_ns;
+            return time_between(std::max(since_ns, forgiven_ns_), now_ns) >= times_.silence_ns;
         };
         if (!is_connected_) return PortTrouble::none;
         if (is_long(byte_ns_)) return PortTrouble::silent;
@@ -132,6 +133,7 @@ class PortWatch {
     PortTimes times_;
     bool is_connected_ = false, is_refused_ = false, heard_hello_ = false;
     bool has_unread_ = false;  // whether bytes have come that are not part of any readable frame so far
+    std::int64_t forgiven_ns_ = 0;  // time of the last call of forgive()
     std::int64_t opened_ns_ = 0, byte_ns_ = 0, unread_since_ns_ = 0, unread_bytes_ = 0;
     // kind of the last reported trouble; if it is empty, the next trouble of any kind is reported
     std::string reported_;

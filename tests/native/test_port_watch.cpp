@@ -87,6 +87,28 @@ TEST_CASE("wire line: a stall of the program proves nothing") {
     }
 }
 
+TEST_CASE("wire line: bytes that were read just before a stall of the program prove nothing either") {
+    for (const bool comes_again : {true, false}) {
+        Line line;
+        line.one(hello(), kSecondNs);
+        line.line.resume(2 * kSecondNs);
+        Reads reads;  // the first bytes waited during the stall; the next ones came after it
+        reads.add(sample(1), 2 * kSecondNs + 1);
+        if (comes_again) reads.add(sample(2), 9 * kSecondNs);
+        line.line.feed(reads.bytes.data(), reads.reads.data(), reads.reads.size(), 9 * kSecondNs + 1);
+        for (const std::string& one : line.all()) CHECK(one != "silent 7000");
+        line.line.resume(9 * kSecondNs + 1);
+        Words found;
+        for (std::int64_t now_s = 10; now_s <= 15; ++now_s) {
+            CHECK((now_s == 15 || found.empty()));
+            for (const std::string& one : line.troubles(now_s * kSecondNs)) found.push_back(one);
+            line.line.resume(now_s * kSecondNs);
+        }
+        REQUIRE(found.size() == 1);
+        CHECK(found[0].compare(0, 9, "silent 14") == 0);
+    }
+}
+
 TEST_CASE("wire line: a port that is not open is neither silent nor read") {
     Line line;
     line.one(hello() + Bytes(3, 1), 1);

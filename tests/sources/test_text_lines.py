@@ -164,6 +164,14 @@ def test_silence_is_told_once_a_minute() -> None:
     assert sum(isinstance(event, Tick) for event in events) == 39
 
 
+def test_a_stall_of_the_program_is_no_silence_of_the_sender() -> None:
+    text = opened(RATE)
+    events = [*text.tick(S // 2), *text.tick(8 * S)]  # the program was stopped, or the computer slept
+    assert troubles(events) == []
+    events = [event for k in range(17, 27) for event in text.tick(k * S // 2)]
+    assert troubles(events) == ["silent"]
+
+
 def test_lines_without_the_columns_are_told() -> None:
     events = list(opened(RATE).feed(b"time;roll;pitch\n" * 25, 0))
     trouble = the_trouble(events)

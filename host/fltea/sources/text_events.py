@@ -32,13 +32,12 @@ from fltea.records.stats import LinkStats
 from fltea.settings.how import How
 from fltea.sources.arrival_watch import ArrivalWatch
 from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered
+from fltea.sources.silence import PATIENCE_NS, Silence
 
 LONGEST_BLOCK_US = TIME_WRAP_US // 4
 """Longest duration of a block of samples [µs]. Within a block the device time must not wrap around, but at a
 low sampling rate, one read may contain samples of several hours.
 """
-
-PATIENCE_NS = 5 * 10**9
 
 FEW_LINES = 20
 """The user is warned if the input begins with this many lines that are neither a sample nor a header. A
@@ -132,7 +131,7 @@ class TextEvents:
         self._reports = Reports(fatal=fatal)
         self._introduction = Introduction()
         self._counts = Counts()
-        self._heard_ns: int | None = None
+        self._silence: Silence | None = None
         self._begins = False
         self._has_accel = True
 
@@ -145,14 +144,14 @@ class TextEvents:
         """Note that the input was opened. `within_line`: whether its first bytes may be the end of a line."""
         self._counts.connections += 1
         self._introduction.is_due = True
-        self._heard_ns = now_ns
+        self._silence = Silence(now_ns)
         self.reader.resume(within_line=within_line)
         if self._numbers is not None:
             self._numbers.begin()
 
     def lost(self, failed: Failed) -> Iterator[Event]:
         """Yield the events that report that the input was lost or cannot be opened."""
-        self._heard_ns = None
+        self._silence = None
         yield LinkDown(failed.host_ns)
         yield from self._reports.report(failed.kind, failed.message, failed.host_ns)
 
@@ -164,14 +163,15 @@ class TextEvents:
             units.
         """
         self._counts.bytes += len(data)
-        self._heard_ns = now_ns
+        if self._silence is not None:
+            self._silence.heard(now_ns)
         yield from self._take(self.reader.feed(data), now_ns)
         yield from self._report_lines(now_ns)
 
     def tick(self, now_ns: int) -> Iterator[Event]:
         """Yield the events that are due although no bytes came."""
         yield Tick(now_ns)
-        if self._heard_ns is not None and now_ns - self._heard_ns >= PATIENCE_NS:
+        if self._silence is not None and self._silence.lasts(now_ns):
             text = f"{self.url}: nothing came for {PATIENCE_NS // 10**9} s; does the sender run?"
             yield from self._reports.report("silent", text, now_ns)
 

@@ -173,6 +173,9 @@ class Ingest:
         If the inbox is empty, wait at most `timeout_s` for a message.
         """
         messages, behind = self.inbox.take(timeout_s)
+        now_ns = host_ns()
+        if now_ns - self.hearing.checked_ns > STILL_NS:  # before the messages, which the stall has delayed
+            self.check(now_ns)
         groups: dict[str, list[Message]] = {}
         for message in messages:
             if self._is_due(message):

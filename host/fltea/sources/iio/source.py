@@ -29,11 +29,10 @@ from fltea.sources.iio.buffer import Buffer, Unusable, Wishes, rate_of
 from fltea.sources.iio.conversion import Conversion, conversion, parse_mount
 from fltea.sources.iio.sysfs import ACCEL, GYRO, SENSORS, Attributes, devices, find, root_of
 from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered
-from fltea.sources.opening import Named
+from fltea.sources.silence import PATIENCE_NS, Silence
 from fltea.wire.ports import TICK_S
 
 READ_BYTES = 1 << 16
-PATIENCE_NS = 5 * 10**9
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 RATE_TOLERANCE = 0.05
 """If the measured rate differs from the driver's stated rate by more than this proportion, the user is
@@ -206,7 +205,7 @@ class IioSource:
         ready = select.poll()
         ready.register(buffer.fd, select.POLLIN)
         ready.register(self._closed_read, select.POLLIN)
-        heard_ns, rest = clock.host_ns(), b""
+        silence, rest = Silence(clock.host_ns()), b""
         while not self._closed:
             found = {fd for fd, _ in ready.poll(TICK_S * 1000)}
             now_ns = clock.host_ns()
@@ -220,11 +219,11 @@ class IioSource:
                     raise OSError(0, "its buffer has ended")
             if not data:
                 yield Tick(now_ns)
-                if now_ns - heard_ns >= PATIENCE_NS:
+                if silence.lasts(now_ns, PATIENCE_NS):
                     text = f"no sample came for {PATIENCE_NS // 10**9} s; {reader.why_silent()}."
                     yield from self._report("silent", text)
                 continue
-            heard_ns = now_ns
+            silence.heard(now_ns)
             self._counts.bytes += len(data)
             rest += data
             whole = len(rest) // buffer.layout.size * buffer.layout.size
