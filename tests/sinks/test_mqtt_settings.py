@@ -9,6 +9,7 @@ import pytest
 from fltea.mqtt.broker import Broker
 from fltea.records.errors import UsageError
 from fltea.settings.config import load_config
+from fltea.settings.ingest import broker_at
 from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.mqtt.sink import MqttSink
 from hypothesis import given
@@ -31,6 +32,7 @@ def no_login(monkeypatch: pytest.MonkeyPatch) -> None:
         ("pi", True, "mqtts://pi:8883"),
         ("mqtts://pi:1883/", False, "mqtts://pi:1883"),
         ("192.168.1.4", False, "mqtt://192.168.1.4:1883"),
+        ("MQTTS://pi", False, "mqtts://pi:8883"),
         ("[::1]:1884", False, "mqtt://[::1]:1884"),
     ],
 )
@@ -40,11 +42,19 @@ def test_address(broker: str, tls: bool, expected: str) -> None:
 
 @pytest.mark.parametrize(
     "broker",
-    ["", ":1883", "pi:x", "pi:0", "pi:70000", "http://pi", "pi/topic", "pi?x=1", "[::1", "a..b"],
+    ["", ":1883", "http://pi", "pi/topic", "pi?x=1", "[::1", "a..b"],
 )
 def test_no_address(broker: str) -> None:
     with pytest.raises(UsageError, match=r"mqtt\.broker must be HOST, HOST:PORT"):
         load_config(None, {"mqtt.broker": broker})
+
+
+@pytest.mark.parametrize("broker", ["pi:x", "pi:0", "pi:70000", "mqtt://pi:x"])
+def test_no_port(broker: str) -> None:
+    with pytest.raises(UsageError, match=r"mqtt\.broker must have a PORT from 1 to 65535"):
+        load_config(None, {"mqtt.broker": broker})
+    with pytest.raises(UsageError, match="--source: an mqtt source must have a PORT"):
+        broker_at("mqtt://" + broker.removeprefix("mqtt://"), MqttConfig())
 
 
 WORD = st.text(st.characters(codec="ascii", categories=("L", "N", "P")), min_size=8)

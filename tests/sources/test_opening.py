@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from fltea.records.errors import UsageError
-from fltea.settings.config import load_config
+from fltea.settings.config import load_config, load_configs
 from fltea.sources import serial
 from fltea.sources.open_source import find_board, open_source
 from fltea.sources.replay import ReplaySource
@@ -116,6 +116,25 @@ def test_synthetic(url: str, pace: str, offset: bool) -> None:
     source = opened(url, pace=pace)
     assert isinstance(source, SyntheticSource)
     assert bool(source.unix_offset_ns) is offset
+
+
+@pytest.mark.parametrize(
+    ("url", "meant"),
+    [
+        ("MQTTS://Pi", "mqtts://Pi"),
+        ("Nats://a,nats://b", "nats://a,nats://b"),
+        ("Synthetic:?N=1", "synthetic:?N=1"),
+        ("Replay:Rest.npz", "replay:Rest.npz"),
+        ("SOCKET://Pi:1", "socket://Pi:1"),
+        ("/dev/serial/by-id/USB:1.0", "/dev/serial/by-id/USB:1.0"),
+        ("COM3:", "COM3:"),
+        ("./A:b.csv", "./A:b.csv"),
+    ],
+)
+def test_the_case_of_a_scheme_has_no_meaning(url: str, meant: str) -> None:
+    assert load_config(None, {"source": url}).source == meant
+    (config,) = load_configs(None, {}, [url])
+    assert (config.source, config.name) == (meant, load_config(None, {"source": meant}).name)
 
 
 @pytest.mark.parametrize(

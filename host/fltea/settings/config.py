@@ -21,6 +21,7 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.settings.live import LiveConfig
 from fltea.settings.outputs import Outputs
 from fltea.settings.setting import Setting, Table, all_declared, joined, of_sensor, shown, tables
+from fltea.settings.sources import with_small_scheme
 from fltea.wire import layout as wire
 
 MOST_BYTES = 250_000
@@ -184,6 +185,7 @@ class Config(Outputs, frozen=True):
         super().__post_init__()
         if self.source is not None:
             refuse_secret("source", self.source)
+            msgspec.structs.force_setattr(self, "source", with_small_scheme(self.source))
         known = [axis for kind in SENSOR_KINDS for axis in kind.axes]
         for channel in self.channels or ():
             if channel not in known:
@@ -229,7 +231,7 @@ def load_configs(
     if file is not None:
         tree = _read_toml(file)
         _convert(tree, str(file))
-    urls = list(sources)
+    urls = [with_small_scheme(url) for url in sources]
     if "" in urls:
         raise UsageError('command line: --source: say where it is, for instance "serial:/dev/ttyACM0".')
     devices: dict[str | None, Mapping[str, Any]] = {**tree.pop("device", {})}

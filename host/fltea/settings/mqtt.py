@@ -1,7 +1,7 @@
 """Settings of the output to an MQTT broker."""
 
 from typing import Annotated, Literal, NamedTuple
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from fltea.records.secret import refuse_secret
 from fltea.settings.setting import Setting, Table
@@ -101,11 +101,25 @@ class MqttConfig(Table, frozen=True):
         try:
             url = urlsplit(self.broker if "://" in self.broker else f"mqtt://{self.broker}")
             tls = self.tls or url.scheme == "mqtts"
-            port = url.port if url.port is not None else 8883 if tls else 1883
             host = url.hostname or ""
             host.encode("idna")
         except ValueError:  # also UnicodeError, a subclass of ValueError
-            host, port = "", 0
-        if not host or not port or url.scheme not in ("mqtt", "mqtts") or url.path.strip("/") or url.query:
+            host = ""
+        if not host or url.scheme not in ("mqtt", "mqtts") or url.path.strip("/") or url.query:
             raise ValueError("broker must be HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT")
-        return BrokerAddress(host, port, tls)
+        return BrokerAddress(host, _port_of(url, 8883 if tls else 1883), tls)
+
+
+def _port_of(url: SplitResult, default: int) -> int:
+    """Return the port in a broker's address, or `default` if the address has none.
+
+    Raises:
+        ValueError: the port is no port. The error's text does not repeat it.
+    """
+    try:
+        port = default if url.port is None else url.port
+    except ValueError:  # the port is no number, or is too large
+        port = 0
+    if not port:
+        raise ValueError("broker must have a PORT from 1 to 65535, as in mqtt://HOST:1883")
+    return port

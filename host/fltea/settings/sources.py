@@ -129,6 +129,16 @@ def kind_of(url: str | None) -> SourceKind | None:
     return BY_SCHEME.get(scheme) if colon else None
 
 
+def with_small_scheme(url: str) -> str:
+    """Return a URL with its scheme in small letters, since the case of a scheme has no meaning (RFC 3986).
+
+    A bare path is returned unchanged, also one that holds a colon.
+    """
+    scheme, colon, rest = url.partition(":")
+    is_scheme = scheme.lower() in BY_SCHEME or rest.startswith("//")
+    return f"{scheme.lower()}:{rest}" if colon and is_scheme and "/" not in scheme else url
+
+
 def is_shared(url: str | None) -> bool:
     """Return whether the source at a URL is shared, so that many devices send through this source."""
     kind = kind_of(url)

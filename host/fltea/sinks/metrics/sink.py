@@ -182,7 +182,7 @@ def _listen(host: str, port: int, handler: type[_Handler]) -> _Server:
     try:
         return (_Server6 if ":" in host else _Server)((host, port), handler)
     except (OSError, UnicodeError) as error:
-        raise cannot_listen("[metrics] address", host, port, error) from error
+        raise cannot_listen("--metrics", host, port, error) from error
 
 
 def open_output(opening: Opening) -> MetricsSink:
