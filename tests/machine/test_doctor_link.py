@@ -144,6 +144,16 @@ def test_a_port_by_its_link_and_one_that_is_not_there(system: FakeSystem) -> Non
     )
 
 
+def test_a_device_that_is_no_port_has_no_holders(system: FakeSystem) -> None:
+    """Many programs hold /dev/null, and none of them is in the way."""
+    system.put("/dev/null")
+    system.no_ports = {"/dev/null"}
+    system.process(31, "/usr/sbin/sshd", opened="/dev/null")
+    (found,) = check_serial(system, "/dev/null", wire.BAUD)
+    assert (found.level, "/dev/null is a file" in found.message) == ("problem", True)
+    assert "sshd" not in f"{found.message} {found.remedy}"
+
+
 def test_a_port_that_is_closed_to_the_user_is_not_opened(system: FakeSystem) -> None:
     system.plug("/dev/ttyACM0")
     system.refused = {"/dev/ttyACM0"}

@@ -26,6 +26,7 @@ class FakeSystem(System):
         self.granted: set[int] = set()
         self.kept: bool | None = True
         self.free = 100_000_000_000
+        self.no_ports: set[str] = set()
         self.without: set[str] = set()
         self.registers: Mapping[int, int | dict[int, int] | OSError] = {}
 
@@ -40,6 +41,9 @@ class FakeSystem(System):
 
     def may_use(self, name: str) -> bool:
         return name not in self.refused
+
+    def is_terminal(self, name: str) -> bool:
+        return name not in self.no_ports
 
     def group_of(self, name: str) -> Group | None:
         return self.group if self.exists(name) else None

@@ -15,6 +15,7 @@ from serial.tools.list_ports_common import ListPortInfo
 
 from fltea.diagnostics.folders import first_existing
 from fltea.wire.permission import Group, User, group_of, join_remedy, this_user
+from fltea.wire.terminal import is_terminal
 
 COMMAND_S = 5.0
 TIME_ERROR = 5
@@ -91,6 +92,10 @@ class System:
     def may_use(self, name: str) -> bool:
         """Return whether this process may read and write a file."""
         return os.access(self.path(name), os.R_OK | os.W_OK)
+
+    def is_terminal(self, name: str) -> bool:
+        """Return whether a file that exists can be a serial port."""
+        return is_terminal(self.path(name))
 
     def group_of(self, name: str) -> Group | None:
         """Return the group of a file; None if there is no such file."""

@@ -19,6 +19,7 @@ from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Failed, Opened
 from fltea.wire.permission import group_of, join_remedy, this_user
+from fltea.wire.terminal import NO_PORT, is_terminal
 
 FORBIDDEN_BAUD = 1200
 DUE_VENDORS = (0x2341, 0x2A03)
@@ -117,6 +118,8 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
                 "--source 'synthetic:?alpha=0.3&f=-1.5'."
             )
         return "no_port", f"there is no port {url}. Check the cable and the name. {list_ports_text()}"
+    if not is_terminal(url):
+        return "open_failed", f"cannot open {url}: it is {NO_PORT}. {list_ports_text()}"
     return "open_failed", f"cannot open {url}: {error}. {list_ports_text()}"
 
 

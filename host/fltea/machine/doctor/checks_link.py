@@ -1,6 +1,6 @@
 """Checks of a device on a serial port: presence, permission, and what it sends."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 from fltea.diagnostics.asked import AskedSource
 from fltea.diagnostics.finding import Finding, ok, problem, warning
@@ -11,6 +11,7 @@ from fltea.records.plus_minus import within
 from fltea.records.version import __version__
 from fltea.records.visible import visible
 from fltea.wire import layout as wire
+from fltea.wire.terminal import NO_PORT
 from fltea.wire.transport import ANY_BOARD
 
 RATE_TOLERANCE = 0.015
@@ -35,27 +36,37 @@ def check_serial(system: System, url: str | None, baud: int, hear_s: float = HEA
     if url is not None and not url.startswith("/") and url != ANY_BOARD:
         yield from judge(url, hear(url, baud, hear_s))
         return
+    device = yield from find_usable(system, url)
+    if device is not None:
+        yield from judge(device, hear(device, baud, hear_s))
+
+
+def find_usable(system: System, url: str | None) -> Generator[Finding, None, str | None]:
+    """Yield findings on whether a port of this machine can be used; return it, or None if it cannot.
+
+    A `url` of None means the Due that is plugged in.
+    """
     ports = find_ports(system)
     port = _the_board(ports) if url in (None, ANY_BOARD) else _port_at(system, ports, str(url))
     if isinstance(port, Finding):
         yield port
-        return
+        return None
     stays = (
         "" if port.path == url else f"; a name that stays: {port.path}" if port.path != port.device else ""
     )
     yield ok("port", f"{port.device}: {port.kind}{stays}")
     if port.kind == NATIVE:
         yield problem("port", f"{port.device} is the Due's native port.", NATIVE_REMEDY)
-        return
+        return None
     if port.remedy is not None:
         yield problem("permission", f"{system.user()} may not open {port.device}.", port.remedy)
-        return
+        return None
     group = system.group_of(port.device)
     yield ok("permission", f"{system.user()} may open {port.device} (group '{group.name if group else '?'}')")
     if port.holders:
         yield _in_use(port)
-        return
-    yield from judge(port.device, hear(port.device, baud, hear_s))
+        return None
+    return port.device
 
 
 def _the_board(ports: list[Port]) -> Port | Finding:
@@ -87,6 +98,9 @@ def _port_at(system: System, ports: list[Port], path: str) -> Port | Finding:
     for port in ports:
         if system.path(port.device).resolve() == real:
             return port
+    if not system.is_terminal(path):
+        others = ", ".join(port.path for port in ports) or "none"
+        return problem("port", f"{path} is {NO_PORT}.", f"name a port. Ports that exist: {others}.")
     device = f"/{real.relative_to(system.root.resolve())}"
     return Port(
         path=stable_name(system, path),
