@@ -5,12 +5,15 @@ import socket
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fltea.diagnostics.finding import Finding
 from fltea.machine.doctor.checks_host import check_packages, check_service, check_udev
 from fltea.machine.doctor.checks_i2c import check_i2c
 from fltea.machine.doctor.checks_outputs import check_outputs
 from fltea.machine.doctor.diagnosis import check_source, examine
+from fltea.records.errors import UsageError
+from fltea.service.checks import check_settings
 from fltea.settings.config import load_configs
 from fltea.settings.extras import how_to_install
 from fltea.sources.i2c.chips import CHIPS
@@ -39,14 +42,99 @@ def test_a_machine_without_a_board_is_looked_at_as_a_whole(system: FakeSystem) -
     assert finding_of(findings, "program").device is None
 
 
+def source(system: FakeSystem, url: str, **settings: object) -> Finding:
+    """Return what the doctor says of a source that `fltea run` refuses, or accepts without a device."""
+    overrides = {name.replace("__", "."): value for name, value in settings.items()}
+    (config,) = load_configs(None, overrides, [url])
+    (found,) = check_source(config, system, 0.0)
+    return found
+
+
 @pytest.mark.parametrize("name", ["replay:{}", "{}"])
-def test_a_recording_is_only_looked_for(system: FakeSystem, tmp_path: Path, name: str) -> None:
+def test_a_recording_is_read(system: FakeSystem, tmp_path: Path, name: str) -> None:
     recording = tmp_path / "rest.npz"
-    recording.touch()
-    (config,) = load_configs(None, {}, [name.format(recording)])
-    assert levels(list(check_source(config, system, 0.0))) == {"source": "ok"}
-    (config,) = load_configs(None, {}, [f"replay:{recording}x"])
-    assert levels(list(check_source(config, system, 0.0))) == {"source": "problem"}
+    np.savez(recording, gyro_dps=np.random.default_rng(1).normal(size=(600, 3)), fs_hz=100.0)
+    assert source(system, name.format(recording)).level == "ok"
+    recording.write_bytes(b"")
+    assert source(system, name.format(recording)).level == "problem"
+    assert "there is no such file" in source(system, f"replay:{recording}x").message
+
+
+@pytest.mark.parametrize(
+    ("url", "settings", "says"),
+    [
+        ("synthetic:?alpha=x", {}, "alpha"),
+        ("serial-text:/dev/none?baud=x", {}, "'baud=x' is not known"),
+        ("serial-text:/dev/none", {"replay__units": "furlongs"}, "furlongs"),
+        ("stdin:/none", {}, "cannot be read"),
+        ("replay:{folder}", {}, "{folder}"),
+        ("serial:/dev/none", {"replay__units": "dps"}, "such options are for recordings"),
+        ("i2c:///dev/i2c-1?adr=1", {}, "there is no key 'adr'"),
+        ("iio:x?rate=1", {}, "there is no 'rate=1'"),
+        ("file:rest", {}, "is not a kind of source"),
+        ("mqtt://pi:x", {}, "must have a PORT"),
+        ("mqtts://127.0.0.1:1", {"mqtt__ca": "{folder}/none.pem"}, "none.pem"),
+        ("mqtt://127.0.0.1:1", {"mqtt__password_file": "{folder}/none"}, "none"),
+        ("nats://127.0.0.1:1", {"ingest__ca": "{folder}/none.pem"}, "none.pem"),
+    ],
+)
+def test_a_source_that_the_program_would_refuse(
+    url: str, settings: dict[str, str], says: str, system: FakeSystem, tmp_path: Path
+) -> None:
+    settings = {name: value.format(folder=tmp_path) for name, value in settings.items()}
+    found = source(system, url.format(folder=tmp_path), **settings)
+    assert found.level == "problem"
+    assert says.format(folder=tmp_path) in found.message
+
+
+def test_a_text_port_is_looked_at_and_not_opened(system: FakeSystem) -> None:
+    assert "there is no port /dev/ttyUSB0" in source(system, "serial-text:/dev/ttyUSB0?baud=9600").message
+    system.plug("/dev/ttyUSB0", 0x0403, 0x6001)
+    system.refused = {"/dev/ttyUSB0"}
+    (config,) = load_configs(None, {}, ["serial-text:/dev/ttyUSB0"])
+    assert levels(list(check_source(config, system, 0.0))) == {"port": "ok", "permission": "problem"}
+    system.refused = set()
+    found = list(check_source(config, system, 0.0))
+    assert levels(found) == {"port": "ok", "permission": "ok", "source": "ok"}
+
+
+def test_a_pipe_is_not_opened(system: FakeSystem, tmp_path: Path) -> None:
+    """A program that waits to write to the pipe must not begin while nobody reads it."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for url in (f"stdin:{pipe}", str(pipe), f"replay:{pipe}"):
+        assert source(system, url).level == "ok"
+    with pytest.raises(OSError, match="No such device"):
+        os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
+
+
+@pytest.mark.parametrize(
+    "sources",
+    [
+        ("/dev/ttyACM0", "serial:/dev/ttyACM0"),
+        ("serial:/dev/none", "serial-text:/dev/../dev/none?baud=9600"),
+        ("stdin:", "-"),
+        ("i2c:///dev/i2c-1", "i2c:///dev/i2c-1?addr=104"),
+        ("iio:imu", "iio:imu?rate_hz=100"),
+        ("hwgrep://2341", "serial:hwgrep://2341"),
+    ],
+)
+def test_one_port_by_two_names(system: FakeSystem, sources: tuple[str, str]) -> None:
+    configs = load_configs(None, {}, sources)
+    with pytest.raises(UsageError, match="Only one source can read from it"):
+        check_settings(configs)
+    assert finding_of(list(examine(configs, system, 0.0)), "settings").level == "problem"
+
+
+def test_what_two_sources_may_share() -> None:
+    for sources in (
+        ("synthetic:", "synthetic:"),
+        ("replay:rest.npz", "replay:rest.npz"),
+        ("socket://pi:1", "socket://pi:1"),
+        ("i2c:///dev/i2c-1", "i2c:///dev/i2c-1?addr=0x69"),
+        ("serial:/dev/ttyACM0", "serial:/dev/ttyACM1"),
+    ):
+        check_settings(load_configs(None, {}, sources))
 
 
 def test_packages_have_to_be_there_only_if_asked_for(system: FakeSystem) -> None:
@@ -243,6 +331,44 @@ def test_ports_of_the_page_and_of_the_metrics(system: FakeSystem, taken: int) ->
     findings = outputs(system, dashboard__address=str(unused), metrics__address=f"127.0.0.1:{taken}")
     assert levels(findings) == {"dashboard": "ok", "metrics": "problem"}
     assert finding_of(findings, "metrics").remedy == f"ss -ltnp 'sport = :{taken}' names that program."
-    system.process(5, "/opt/fltea/bin/fltea", "run")
+    us = os.getpid()
+    system.process(us, "/opt/fltea/bin/fltea", "doctor")  # the doctor itself holds no port
+    assert levels(outputs(system, metrics__address=taken)) == {"metrics": "problem"}
+    system.process(us + 1, "/opt/fltea/bin/fltea", "run")
     assert levels(outputs(system, metrics__address=taken)) == {"metrics": "ok"}
+    local = f"0100007F:{taken:04X} 00000000:0000 0A 00000000:00000000 00:00000000 00000000 0 0 4711 1"
+    system.put("/proc/net/tcp", f"  sl  local_address\n   0: {local}\n")
+    system.process(us + 2, "/usr/bin/nc", opened="socket:[4711]")
+    found = finding_of(outputs(system, metrics__address=taken), "metrics")
+    assert (found.level, f"is taken by nc (pid {us + 2})" in found.message) == ("problem", True)
     assert levels(outputs(system, metrics__address="192.0.2.1:80")) == {"metrics": "problem"}
+    same = outputs(system, metrics__address=unused, dashboard__address=unused)
+    assert any("the live page has the port" in one.message and one.level == "problem" for one in same)
+
+
+def test_files_that_outputs_need(system: FakeSystem, tmp_path: Path, taken: int) -> None:
+    login = tmp_path / "login"
+    broker = f"mqtts://127.0.0.1:{taken}"
+    for settings, says in (
+        ({"dashboard__address": 0, "dashboard__password_file": str(login)}, "dashboard.password_file"),
+        ({"mqtt__broker": broker, "mqtt__password_file": str(login)}, "mqtt.password_file"),
+        ({"mqtt__broker": broker, "mqtt__ca": str(login)}, "mqtt.ca"),
+    ):
+        found, answer = outputs(system, **settings)
+        assert (found.level, says in found.message, answer.level) == ("problem", True, "ok")
+    login.write_text("anna:secret\n")
+    login.chmod(0o644)
+    found, _ = outputs(system, dashboard__address=0, dashboard__password_file=str(login))
+    assert "everybody on this machine may read it" in found.message
+    login.chmod(0o600)
+    (found,) = outputs(system, dashboard__address=0, dashboard__password_file=str(login))
+    assert found.level == "ok"
+
+
+def test_a_snapshot_that_is_no_file_of_ours(system: FakeSystem, tmp_path: Path) -> None:
+    notes = tmp_path / "notes"
+    notes.write_text("[1]")
+    (found,) = outputs(system, state__file=str(notes))
+    assert (found.level, "no snapshot of fltea" in found.message) == ("problem", True)
+    notes.write_bytes(b"")  # what a power cut may leave is set aside by `fltea run`
+    assert outputs(system, state__file=str(notes)) == []

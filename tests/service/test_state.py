@@ -379,29 +379,6 @@ def test_a_file_of_ours_with_what_no_snapshot_holds_is_set_aside(
     assert state_file(path)[1] == []
 
 
-@pytest.mark.parametrize("zeros", [0, 100])
-def test_a_snapshot_that_was_cut_is_set_aside(zeros: int, tmp_path: Path) -> None:
-    """After a power cut a file may be empty, be cut, or have zeros in place of its last bytes."""
-    path = tmp_path / "state"
-    whole = written(path, due=snapshot(config()))
-    for kept in (0, 1, 11, 12, 30, 400, len(whole) - 1):
-        cut = whole[:kept] + bytes(zeros)
-        path.write_bytes(cut)
-        file, said = state_file(path)
-        assert file.found == {}
-        assert [kind for kind, _ in said] == ["state_refused"]
-        assert path.with_name("state.refused").read_bytes() == cut
-        file.close()
-
-
-def test_an_empty_snapshot_does_not_end_the_program(tmp_path: Path) -> None:
-    path = tmp_path / "state"
-    path.touch()
-    done = fltea_here("run", "-s", "synthetic:?n=300", "--once", "--state", str(path), "--format", "none")
-    assert done.returncode == 0
-    assert "state.refused" in done.stderr
-
-
 def test_a_file_that_cannot_be_set_aside_is_told_and_replaced(tmp_path: Path) -> None:
     path = tmp_path / "state"
     written(path, due=snapshot(config()))

@@ -129,4 +129,5 @@ def test_the_doctor_says_which_package_a_shared_source_lacks(kind: SourceKind, t
 
 def test_the_doctor_takes_a_bare_folder_for_a_recording(tmp_path: Path) -> None:
     (found,) = check_source(load_config(None, {"source": str(tmp_path)}), FakeSystem(tmp_path), 0.0)
-    assert (found.check, found.level) == ("source", "ok")
+    assert (found.check, found.level) == ("source", "problem")
+    assert f"{tmp_path}: no .mcap file in this folder" in found.message

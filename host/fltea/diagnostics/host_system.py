@@ -110,6 +110,24 @@ class System:
         pids = self._openers(str(self.path(name).resolve()), name) | self._lockers(name)
         return [Holder(pid, self._program(pid)) for pid in sorted(pids - {os.getpid()})]
 
+    def listeners(self, port: int) -> list[Holder]:
+        """Return the programs that listen at a TCP port of this machine.
+
+        Without root's rights, only the user's own programs are found.
+        """
+        lines = [
+            line.split() for name in ("tcp", "tcp6") for line in self.text(f"/proc/net/{name}").split("\n")
+        ]
+        # proc(5): the second word is the local address in hexadecimal digits, the fourth the state, of which
+        # 0A is LISTEN, and the tenth the socket's inode
+        inodes = [
+            words[9]
+            for words in lines
+            if len(words) > 9 and words[3] == "0A" and words[1].endswith(f":{port:04X}")
+        ]
+        pids = self._openers(*(f"socket:[{inode}]" for inode in inodes))
+        return [Holder(pid, self._program(pid)) for pid in sorted(pids - {os.getpid()})]
+
     def _openers(self, *targets: str) -> set[int]:
         found = set()
         for folder in self.path("/proc").glob("[0-9]*/fd"):
@@ -144,8 +162,9 @@ class System:
         return " ".join(words[:PROGRAM_WORDS]) + (" …" if len(words) > PROGRAM_WORDS else "")
 
     def is_running(self, program: str) -> bool:
-        """Return whether a process of the name `program` runs."""
-        return any(self.text(f"{folder}/comm") == program for folder in self._processes())
+        """Return whether another process of the name `program` runs."""
+        ours = f"/proc/{os.getpid()}"
+        return any(self.text(f"{folder}/comm") == program for folder in self._processes() if folder != ours)
 
     def _processes(self) -> Iterator[str]:
         yield from self.names("/proc", "[0-9]*")

@@ -9,12 +9,12 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from fltea.estimator.lane_settings import LaneSettings
 from fltea.process.date_watch import DateWatch
 from fltea.process.stop_on_signal import StopOnSignal
-from fltea.records.errors import FlteaError, Incomplete, SourceFailed, UsageError
+from fltea.records.errors import FlteaError, Incomplete, SourceFailed
 from fltea.records.ports import Source
 from fltea.records.visible import visible_lines
+from fltea.service.checks import check_settings
 from fltea.service.descriptors import check_descriptors
 from fltea.service.device_stream import DeviceStream
 from fltea.service.ending import Awaited, Ending
@@ -26,7 +26,7 @@ from fltea.service.state import StateFile
 from fltea.service.systemd import ServiceManager
 from fltea.settings.config import Config
 from fltea.settings.sources import is_shared
-from fltea.sources.open_source import check_recordable, check_shared, open_source
+from fltea.sources.open_source import check_recordable, open_source
 from fltea.sources.replay import ReplaySource
 from fltea.stream.fit_worker import FitThread
 
@@ -93,8 +93,7 @@ class _Run:
         Return two values: the first failure, or None, and whether all threads and outputs ended in time.
         """
         ending = Ending(self._is_asked, lambda: self._stop.count, _last_words)
-        for config in self._configs:
-            _check_filters(config)
+        check_settings(self._configs)
         sources: list[Source] = []
         try:
             state = self._open(sources)
@@ -156,7 +155,6 @@ class _Run:
             for source, config in zip(sources, configs, strict=True)
             if isinstance(source, ReplaySource)
         ]
-        check_shared(shared)
         open_outputs(self._configs, self._hub, replays)
         settings = self._configs[0].state
         state = None if settings.file is None else StateFile(settings, self._hub.report())
@@ -285,15 +283,6 @@ def _has_ended(thread: threading.Thread) -> Callable[[float], bool]:
 def _closing(sources: "Sequence[Source | Ingest]") -> list[Awaited]:
     """Begin to close all sources at the same time; return the tasks to wait for."""
     return [_begun(source.close, "a source") for source in sources]
-
-
-def _check_filters(config: Config) -> None:
-    """Refuse settings that are valid one by one, but with which together no filter can start."""
-    for name in ("estimator", "accel"):
-        try:
-            LaneSettings(getattr(config, name), h=1.0, R=1.0).table(1)
-        except ValueError as error:
-            raise UsageError(f"{name}.{error}.") from error
 
 
 def _last_words(text: str) -> None:

@@ -3,6 +3,7 @@
 `fltea.stream.snapshot` decides whether a snapshot may be used.
 """
 
+import contextlib
 import fcntl
 import os
 import threading
@@ -76,20 +77,14 @@ class StateFile:
 
     def _read(self) -> dict[str, DeviceState]:
         path = self._path
+        data = _content(path)
+        if data is None:
+            return {}
         try:
-            data = read_small(path, what="--state", most_bytes=MOST_BYTES)
-        except UsageError as error:
-            if isinstance(error.__cause__, FileNotFoundError):
-                return {}
-            raise
-        try:
-            version = msgspec.json.decode(data, type=_Header).version
-        except (ValueError, RecursionError) as error:
-            if _is_cut(data, error):
-                self._set_aside(f"{path} is empty or damaged ({error}), so the start-up window begins again")
-                return {}
-            text = f"--state {path}: is no snapshot of fltea ({error}). Give another name, or remove it."
-            raise UsageError(text) from error
+            version = _version(path, data)
+        except _Cut as error:
+            self._set_aside(f"{path} is empty or damaged ({error}), so the start-up window begins again")
+            return {}
         if version != VERSION:
             self._report(
                 "state_unused",
@@ -155,6 +150,49 @@ class StateFile:
             if not self._failed:
                 self._failed = True
                 self._report("state_failed", f"{error} The old one is kept.")
+
+
+class _Cut(ValueError):
+    """A file of snapshots is empty, cut off, or full of zeros."""
+
+
+def check_file(path: Path) -> None:
+    """Check that a file can be used for snapshots. The file is not changed.
+
+    Raises:
+        UsageError: the file cannot be read or written, or is not fltea's.
+    """
+    _check_writable(path)
+    data = _content(path)
+    with contextlib.suppress(_Cut):  # the file will be set aside
+        if data is not None:
+            _version(path, data)
+
+
+def _content(path: Path) -> bytes | None:
+    """Return what a file of snapshots holds; None if there is no such file."""
+    try:
+        return read_small(path, what="--state", most_bytes=MOST_BYTES)
+    except UsageError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            return None
+        raise
+
+
+def _version(path: Path, data: bytes) -> int:
+    """Return the version of a file of snapshots that holds `data`.
+
+    Raises:
+        UsageError: the file is not fltea's.
+        _Cut: the file is fltea's, but is empty or cut off.
+    """
+    try:
+        return msgspec.json.decode(data, type=_Header).version
+    except (ValueError, RecursionError) as error:
+        if _is_cut(data, error):
+            raise _Cut(str(error)) from error
+        text = f"--state {path}: is no snapshot of fltea ({error}). Give another name, or remove it."
+        raise UsageError(text) from error
 
 
 def _is_cut(data: bytes, error: Exception) -> bool:

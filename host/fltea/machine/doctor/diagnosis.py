@@ -18,9 +18,11 @@ from fltea.machine.doctor.checks_host import (
     check_udev,
 )
 from fltea.machine.doctor.checks_i2c import check_i2c
-from fltea.machine.doctor.checks_outputs import check_outputs
+from fltea.machine.doctor.checks_outputs import check_outputs, refused
 from fltea.machine.doctor.checks_sources import check_source
 from fltea.machine.doctor.hearing import HEAR_S
+from fltea.machine.host_system import System
+from fltea.service.checks import check_settings
 from fltea.settings.config import Config
 
 
@@ -33,6 +35,7 @@ def examine(configs: Sequence[Config], system: System, hear_s: float = HEAR_S) -
     program = configs[0]
     yield from check_program()
     yield from check_packages(program, system)
+    yield from refused("settings", lambda: check_settings(configs))
     for config in configs:
         for finding in check_source(config, system, hear_s):
             yield msgspec.structs.replace(finding, device=config.name)

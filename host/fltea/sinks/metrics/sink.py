@@ -5,7 +5,7 @@ import socketserver
 import threading
 from collections.abc import Callable, Collection, Iterator, Sequence
 from http import HTTPStatus
-from http.server import ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import msgspec
 from prometheus_client import CollectorRegistry, MetricsHandler, ProcessCollector
@@ -70,7 +70,7 @@ class MetricsSink(Sink):
         host, port = listen_address(str(settings.address))
         names = own_names(host, settings.names)
         handler = type("_Handler", (_Handler,), {"registry": registry, "names": names})
-        self._server = _listen(host, port, handler)
+        self._server = listen(host, port, handler)
         self.url = f"{url_of(host, self._server.server_port)}metrics"
         self._thread = threading.Thread(
             target=self._server.serve_forever, args=(POLL_S,), name="metrics server", daemon=True
@@ -142,6 +142,7 @@ class MetricsSink(Sink):
 class _Handler(MetricsHandler):
     """Answers requests for the metrics if their header `Host` names this machine."""
 
+    timeout = 10.0  # ends the connection of a client that sends nothing
     names: Collection[str] = ()
 
     def do_GET(self) -> None:
@@ -177,8 +178,12 @@ class _Server6(_Server):
     address_family = socket.AF_INET6
 
 
-def _listen(host: str, port: int, handler: type[_Handler]) -> _Server:
-    handler.timeout = 10.0  # ends the connection of a client that sends nothing
+def listen(host: str, port: int, handler: type[BaseHTTPRequestHandler]) -> ThreadingHTTPServer:
+    """Listen at an address and port, and return the server, which does not answer yet.
+
+    Raises:
+        FlteaError: another program uses the address, or this machine does not have it.
+    """
     try:
         return (_Server6 if ":" in host else _Server)((host, port), handler)
     except (OSError, UnicodeError) as error:
