@@ -115,6 +115,7 @@ def plain() -> Evidence:
     ("changes", "kind", "words"),
     [
         ({}, "white", "The null test does not reject white noise (p = "),
+        ({"p_all": 1e-9, "p_clean": 0.25}, "white", "(p = 0.25 without peaks and drift, level 0.05)"),
         ({"p_clean": 1e-4, "level": ANYTIME_LEVEL}, "white", "level 1e-05, strict since it is repeated live"),
         ({"p_clean": 1e-4}, "undecided", "Record longer"),
         ({"change": STEP}, "not stationary", "fell by a factor of 2 around 5 min of 10 min"),

@@ -79,7 +79,7 @@ def white(e: Evidence, q: Questions, accepted: str) -> Verdict:
     if rejected:
         return q.say(
             "undecided",
-            f"Not quite white (p = {e.p_clean:.2g}), but too faint to say what it is"
+            f"Not quite white ({wording.fitted_p(e)}), but too faint to say what it is"
             f"{wording.rejected_by(e)}.",
             "No model is clearly better than white noise.",
             "Record longer.",

@@ -205,7 +205,15 @@ def null_test(e: Evidence) -> str:
     level = f"{e.level:.2g}" if e.level >= 0.01 else f"{e.level:.0e}"
     why = "" if e.level >= 0.01 else ", strict since it is repeated live"
     rejects = "rejects" if e.p_clean < e.level else "does not reject"
-    return f"The null test {rejects} white noise (p = {e.p_clean:.2g}, level {level}{why})"
+    return f"The null test {rejects} white noise ({fitted_p(e)}, level {level}{why})"
+
+
+def fitted_p(e: Evidence) -> str:
+    """Return words for the p-value of the null test on what is fitted.
+
+    The field `null_p` has that on the whole spectrum.
+    """
+    return f"p = {e.p_clean:.2g} without peaks and drift"
 
 
 def rejected_by(e: Evidence) -> str:
