@@ -291,6 +291,19 @@ def test_a_port_that_is_back_begins_a_new_run() -> None:
     assert (place.delivered, place.before_hello) == (4, 0)
     assert len({hello.boot_id for hello in of(Hello, events)}) == 2
     assert text.link_stats().reconnects == 1
+    assert text.link_stats().bad_frames == {"partial": 2}
+
+
+def test_parts_of_lines_at_the_ends_of_a_connection_are_counted() -> None:
+    text = TextEvents("serial-text:/dev/x", RATE, fatal=True)
+    text.open(0, within_line=True)
+    for data in (b"0.", b"75", b"\ngx\n1\n2\n-0."):  # the first line has lost its beginning, the last its end
+        list(text.feed(data, 1))
+    assert text.link_stats().bad_frames == {"partial": 1}
+    text.open(2, within_line=True)
+    list(text.feed(b"\r\n3\n", 3))  # of this line only the end is missing, which holds nothing
+    assert text.link_stats().bad_frames == {"partial": 2}
+    assert text.link_stats().damaged == {}
 
 
 def test_hours_that_come_at_once_are_taken_one_by_one() -> None:

@@ -5,9 +5,15 @@ from fltea.recording.text_decoding import TextDecoder
 
 
 class LineBuffer:
-    """Keeps the bytes of a line that has not ended yet."""
+    """Keeps the bytes of a line that has not ended yet.
+
+    `partial`: number of parts of lines that were dropped since the connection to the sender began or was lost
+    within a line.
+    """
 
     def __init__(self) -> None:
+        self.partial = 0
+        self._counts_skipped = False
         self._decoder = TextDecoder()
         self._rest = b""
         self._skipping = False
@@ -32,8 +38,8 @@ class LineBuffer:
 
         `within_line`: whether the next bytes may begin within a line, which is then dropped, too.
         """
-        self._decoder.drop()
-        self._rest, self._skipping = b"", within_line
+        self.partial += bool((self._rest + self._decoder.drop()).strip())
+        self._rest, self._skipping, self._counts_skipped = b"", within_line, within_line
 
     def feed(self, data: bytes) -> bytes | None:
         """Add `data`, and return the lines that end in it, without the last line feed; None if none ends."""
@@ -55,12 +61,15 @@ class LineBuffer:
         """
         if len(self._rest) <= LONGEST_LINE:
             return False
-        self._rest, self._skipping = b"", True
+        self._rest, self._skipping, self._counts_skipped = b"", True, False
         return True
 
     def _whole(self, data: bytes) -> bytes | None:
         if self._skipping:
-            _, end, data = data.partition(b"\n")
+            skipped, end, data = data.partition(b"\n")
+            if self._counts_skipped and skipped.strip():
+                self.partial += 1
+                self._counts_skipped = False
             if not end:
                 return None
             self._skipping = False

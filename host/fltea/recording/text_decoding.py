@@ -28,7 +28,7 @@ class TextDecoder:
 
     def __init__(self) -> None:
         self.begin = b""
-        self._held = b""
+        self._held, self._returns, self._last = b"", b"", b"\n"
         self._utf_16: codecs.IncrementalDecoder | None = None
         self._yaml: YamlDocuments | None = None
         self._returns, self._last = b"", b"\n"
@@ -38,9 +38,13 @@ class TextDecoder:
         """Whether the last YAML document was truncated and left out."""
         return self._yaml is not None and self._yaml.is_cut
 
-    def drop(self) -> None:
-        """Delete the bytes that are held back. Call this if the bytes that follow in the text were lost."""
-        self._held, self._returns, self._last = b"", b"", b"\n"
+    def drop(self) -> bytes:
+        """Delete and return the bytes that are held back.
+
+        Call this if the bytes that follow in the text were lost.
+        """
+        held, self._held = self._held, b""
+        return held
 
     def feed(self, data: bytes, *, hold: bool = True) -> bytes:
         """Decode the next bytes. `hold`: whether to hold back bytes that may begin a YAML document."""

@@ -82,6 +82,11 @@ class TextReader:
         """Number of received bytes of the newest line, which has not ended yet."""
         return self._buffer.pending_bytes
 
+    @property
+    def partial(self) -> int:
+        """Number of parts of lines that were dropped where a connection to the sender began or ended."""
+        return self._buffer.partial
+
     def resume(self, *, within_line: bool) -> None:
         """Continue after the connection to the sender was lost and made again.
 

@@ -50,9 +50,9 @@ class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     frames: int = 0
     """Number of undamaged frames (for an I²C source: of samples)."""
     bad_frames: dict[str, int] = {}
-    """Damaged frames by reason (protocol/README.md); `partial` is normal after the port is opened. For an I²C
-    source: number of restarts of the FIFO by cause (`overflow`, `misaligned`, `out_of_step`,
-    `broken_transfer`).
+    """Damaged frames by reason (protocol/README.md), and lines of text without a sample; `partial` is normal
+    after the port is opened. For an I²C source: number of restarts of the FIFO by cause (`overflow`,
+    `misaligned`, `out_of_step`, `broken_transfer`).
     """
     unknown_type: int = 0
     """Intact frames of a type that this version does not know."""

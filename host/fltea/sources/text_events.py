@@ -193,6 +193,8 @@ class TextEvents:
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
         """Return the counts. Lines with a sample count as frames, and lines without a sample as bad ones."""
         bad = dict(self.reader.bad.counts + self._left_out.counts)
+        if self.reader.partial:
+            bad["partial"] = self.reader.partial
         if self._numbers is not None and self._numbers.duplicates:
             bad["duplicate_time"] = self._numbers.duplicates
         if self._numbers is not None and self._numbers.unrated:
