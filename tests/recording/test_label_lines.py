@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fltea.recording import text_labels
 from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Stored
 from fltea.recording.label_lines import LabelLines
@@ -219,3 +220,9 @@ def test_a_unit_in_a_group_of_each_row_is_stated(tmp_path: Path) -> None:
     assert np.allclose(read(tmp_path, lines).whole().gyro, np.degrees(GYRO))
     with pytest.raises(UsageError, match="says otherwise"):
         read(tmp_path, lines, units="deg/s")
+
+
+@given(st.text(alphabet="ax:=[ \t-+.,1٣(e", max_size=20))
+def test_the_quick_search_excludes_no_line_with_a_label(line: str) -> None:
+    if text_labels._PAIR.search(line) is not None:
+        assert text_labels._MARK.search(line) is not None

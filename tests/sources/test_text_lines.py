@@ -164,6 +164,17 @@ def test_silence_is_told_once_a_minute() -> None:
     assert sum(isinstance(event, Tick) for event in events) == 39
 
 
+def test_the_reason_is_only_looked_for_when_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search for the reason examines all lines so far, and reading rubbish must not wait for it."""
+    looked: list[int] = []
+    why_none = TextEvents._why_none
+    monkeypatch.setattr(TextEvents, "_why_none", lambda text: looked.append(1) or why_none(text))
+    text = opened(RATE)
+    for k in range(100):
+        list(text.feed(b"time;roll;pitch\n" * 25, k * S))
+    assert len(looked) == 2  # once a minute
+
+
 def test_a_stall_of_the_program_is_no_silence_of_the_sender() -> None:
     text = opened(RATE)
     events = [*text.tick(S // 2), *text.tick(8 * S)]  # the program was stopped, or the computer slept

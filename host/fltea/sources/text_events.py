@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -96,10 +96,10 @@ class Reports:
         """Return whether troubles of a kind may be reported now. If so, they then wait for a minute."""
         return self._reported.is_due(kind, now_ns)
 
-    def report(self, kind: str, text: str, now_ns: int) -> Iterator[Trouble]:
-        """Report a trouble."""
+    def report(self, kind: str, text: str | Callable[[], str], now_ns: int) -> Iterator[Trouble]:
+        """Report a trouble. `text`: may be a function, which is called only if the report is due."""
         if self.is_due(kind, now_ns):
-            yield Trouble(kind, text, now_ns, self._fatal)
+            yield Trouble(kind, text if isinstance(text, str) else text(), now_ns, self._fatal)
 
     def uneven(self, text: str, now_ns: int) -> Iterator[Trouble]:
         """Report once that the times of the samples are uneven."""
@@ -327,8 +327,11 @@ class TextEvents:
             text = f"{self.url}: {total} lines hold no sample and are left out; the newest is {what}"
             yield Trouble("bad_lines", text, now_ns, fatal=False)
         if self.reader.chosen is None and early >= FEW_LINES:
-            text = f"{self.url}: lines come, but none is a sample. {self._why_none()}"
-            yield from self._reports.report("no_columns", text, now_ns)
+            yield from self._reports.report(
+                "no_columns",
+                lambda: f"{self.url}: lines come, but none is a sample. {self._why_none()}",
+                now_ns,
+            )
 
     def _why_none(self) -> str:
         if not self._counts.bytes:
