@@ -146,7 +146,7 @@ def test_a_unit_in_each_message(tmp_path: Path, beside: dict[str, Any]) -> None:
     stored = open_bag(path)
     assert answers(stored)["unit"] == ("deg/s", "stated")
     assert stored.whole().gyro == pytest.approx(np.delete(at_rest(), 40, axis=0))
-    assert told(stored)["bag_messages"].count("1 messages do not have the layout") == 1
+    assert told(stored)["bag_messages"].count("1 messages do not have the layout of the other messages") == 1
     with pytest.raises(UsageError, match=r"in deg/s by the unit beside .* --units rad/s says otherwise"):
         open_bag(path, How(units="rad/s"))
     in_rads = open_bag(path, How(units="rad/s", overrule=True)).whole().gyro

@@ -58,9 +58,12 @@ class MessageCounts:
     measured: set[str] = field(default_factory=set)
 
     def problems(self, kind: str) -> list[str]:
-        """Return texts that say which messages were left out, and why. `kind`: type of the messages."""
+        """Return texts that say which messages were left out, and why.
+
+        `kind`: type of the messages; empty if they have none.
+        """
         found = [
-            (self.unusable, f"do not have the layout of {kind} and are left out"),
+            (self.unusable, f"do not have the layout of {kind or 'the other messages'} and are left out"),
             (
                 self.not_numbers,
                 "hold a value that is not a number, or that no sensor gives, and count as missing",

@@ -76,7 +76,10 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     delivered: int
     """Samples that were passed to the estimator."""
     lost: int
-    """Number of samples that are missing in gaps."""
+    """Number of samples that are missing in gaps, between samples that were delivered. What is missing before
+    the first sample or after the last one has no number; if it is a part of a recording that cannot be read,
+    an `error` record says so.
+    """
     gaps: int
     """Number of gaps."""
     duplicates: int
