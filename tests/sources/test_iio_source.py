@@ -188,6 +188,18 @@ def test_samples_that_wait_for_their_rate_are_not_lost_with_the_device(tmp_path:
     player.close()
 
 
+def test_samples_that_wait_for_their_rate_are_handed_on_at_the_end(tmp_path: Path) -> None:
+    """The user ends the program within two seconds."""
+    player = Player(imu(tmp_path))
+    player.open()
+    player.play(scans(0, 200), kind=Tick)
+    player.source.close()
+    hello, block = (event for event in player.events if not isinstance(event, Tick))
+    assert [type(event) for event in (hello, block)] == [Hello, RawBlock]
+    assert block.sequence.tolist() == list(range(200))
+    assert player.source.link_stats().frames == 200
+
+
 def test_samples_whose_rate_stays_unknown_are_counted(tmp_path: Path) -> None:
     player = Player(imu(tmp_path))
     player.open()

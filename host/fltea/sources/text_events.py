@@ -175,6 +175,11 @@ class TextEvents:
             text = f"{self.url}: nothing came for {PATIENCE_NS // 10**9} s; does the sender run?"
             yield from self._reports.report("silent", text, now_ns)
 
+    def close(self, now_ns: int) -> Iterator[Event]:
+        """Yield the events of samples that wait until their rate is known. No further text is read."""
+        if self._numbers is not None:
+            yield from self._blocks(self._numbers, self._numbers.finish(), now_ns)
+
     def finish(self, now_ns: int) -> Iterator[Event]:
         """Yield the events that are still due at the end of the input.
 
@@ -182,8 +187,7 @@ class TextEvents:
             UsageError: the input contained no sample.
         """
         yield from self._take(self.reader.finish(), now_ns)
-        if self._numbers is not None:
-            yield from self._blocks(self._numbers, self._numbers.finish(), now_ns)
+        yield from self.close(now_ns)
         if not self._counts.samples:
             raise UsageError(f"{self.url}: the input has ended, and no sample was in it. {self._why_none()}")
         yield from self._report_lines(now_ns)

@@ -80,7 +80,7 @@ class PipeText:
             while not self._closed:
                 found = {descriptor for descriptor, _ in ready.poll(TICK_S * 1000)}
                 if self._closed:
-                    return
+                    break
                 now_ns = clock.host_ns()
                 if self._descriptor not in found and not is_file:
                     yield from self._events.tick(now_ns)
@@ -93,6 +93,7 @@ class PipeText:
                     yield from self._events.finish(now_ns)
                     return
                 yield from self._events.feed(data, now_ns)
+            yield from self._events.close(clock.host_ns())
         finally:
             if self._owned:
                 os.close(self._descriptor)
@@ -132,6 +133,7 @@ class SerialText:
             if item is not None:
                 self.unix_offset_ns = item.unix_offset_ns
             yield from self.take(item)
+        yield from self._events.close(clock.host_ns())
 
     def take(self, item: TransportEvent | None) -> Iterator[Event]:
         """Yield the events of what came from the port.

@@ -28,8 +28,11 @@ class Reader:
         self._thread.start()
 
     def events(self, timeout_s: float) -> Iterator[TransportEvent | None]:
-        """Yield events until `close`. Yield None whenever no event has come for `timeout_s` [s]."""
-        while not self._stop.is_set():
+        """Yield events until `close`, and then those that have already come.
+
+        Yield None whenever no event has come for `timeout_s` [s].
+        """
+        while True:
             try:
                 event = self._queue.get(timeout=timeout_s)
             except queue.Empty:

@@ -173,12 +173,15 @@ class IioSource:
             }
             self._counts.openings += 1
             reader = _Reader(device, self._root, buffer, channels, convert)
+            lost: OSError | None = None
             try:
                 yield from self._read(reader, buffer)
-            except OSError:
-                # samples may still wait until their rate is known
-                yield from self._hand_on(reader, reader.numbers.finish(), clock.host_ns())
-                raise
+            except OSError as error:
+                lost = error
+            # samples may still wait until their rate is known
+            yield from self._hand_on(reader, reader.numbers.finish(), clock.host_ns())
+            if lost is not None:
+                raise lost
         finally:
             buffer.close()
 
