@@ -80,6 +80,19 @@ def test_a_clock_far_from_its_nominal_rate_is_no_gap(who_am_i: int, share: float
     assert pi.told == []
 
 
+def test_a_clock_that_is_slower_than_the_data_sheet_allows_is_no_gap() -> None:
+    """The data sheet of the MPU-9250 allows 1 %. The clocks of clones are known to be worse."""
+    pi = pi_with(FIRST["mpu9250"], clock_ppm=-39_000).run_until(30.0)
+    pi.check(-39_000)
+    assert (pi.missing, pi.told) == ([], [])
+
+
+def test_a_clock_beyond_all_limits_is_named_as_a_cause() -> None:
+    pi = pi_with(FIRST["mpu9250"], clock_ppm=-60_000).run_until(4.0)
+    assert pi.told == ["fifo_restarted"]
+    assert "a clone whose clock is wrong" in pi.texts
+
+
 @EACH_FAMILY
 def test_a_program_that_is_held_up(who_am_i: int) -> None:
     """While the program pauses, samples wait in the chip's FIFO. A pause that fits into the FIFO loses no

@@ -16,7 +16,7 @@ def mpu9250(who_am_i: int) -> Chip:
     """Return the description of the chip with this WHO_AM_I. A clone is treated as an MPU-9250.
 
     The data sheets PS-MPU-9250A-01 (section 4.17) and PS-MPU-6000A-00 (section 7.17) describe the FIFO.
-    `clock_error` is three times the ±1 % in section 4.15 of PS-MPU-9250A-01. An MPU-6050 has no FIFO_MODE, so
+    `clock_error` is four times the ±1 % in section 4.15 of PS-MPU-9250A-01. An MPU-6050 has no FIFO_MODE, so
     an overflow of its FIFO destroys a part of a sample.
     """
     old = who_am_i == 0x68
@@ -34,7 +34,7 @@ def mpu9250(who_am_i: int) -> Chip:
     )
     return Chip(
         rate_hz=RATE_HZ,
-        clock_error=0.03,
+        clock_error=0.04,
         gyro_range_dps=2000.0,  # ranges: data sheet PS-MPU-9250A-01, sections 3.1 and 3.2
         gyro_lsb_per_dps=16.4,
         gyro_ends=INT16_ENDS,

@@ -67,7 +67,10 @@ def loss_text(cause: str, missing: int, doubt: int, fifo_s: float) -> tuple[str,
         case "misaligned":
             why = "held no whole samples: disturbed wires, or another program that reads the same sensor"
         case "out_of_step":
-            why = "held more or less than the time allows: another program that reads the same sensor?"
+            why = (
+                "held more or less than the time allows: another program that reads the same sensor, or, if "
+                "it happens every few seconds, a clone whose clock is wrong by some percent"
+            )
         case _:
             why = "may have lost bytes in a transfer that broke off: disturbed wires, or a loose contact"
     return "fifo_restarted", f"the sensor's FIFO was emptied, because it {why}; {lost}."
