@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from fltea.cli.standard_output import SPELL, prepare
 
+from tests.rig.host_support import PATIENCE_S, strict_records
+
 NAME = "müll α.npz"
 COMMANDS = [["--help"], ["--version"], ["info", NAME], ["info", "--json", NAME]]
 
@@ -43,6 +45,33 @@ def test_a_full_disk_is_named_as_what_failed(command: list[str]) -> None:
         "fltea: error: cannot write the output: [Errno 28] No space left on device. The disk or device that "
         "it leads to is full.\n",
     )
+
+
+def without(descriptor: int, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the command with one of its standard descriptors closed, as some programs start others."""
+    command = ["sh", "-c", f'exec "$@" {descriptor}>&-', "sh", *fltea_command(*arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+
+
+def test_a_closed_output_is_named() -> None:
+    done = without(1, "--version")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "fltea: error: standard output is closed; give it a file, a pipe or /dev/null.\n",
+    )
+
+
+def test_a_closed_input_is_no_source() -> None:
+    done = without(0, "run", "-s", "stdin:", "--columns", "1", "--units", "dps", "--rate", "100")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "was started without a standard input" in done.stderr
+
+
+def test_messages_for_a_closed_standard_error_go_nowhere() -> None:
+    done = without(2, "run", "-s", "synthetic:?alpha=x", "--record", "kept")
+    assert (done.returncode, done.stdout) == (2, "")
+    done = without(2, "run", "-s", "synthetic:?n=60", "--once", "--format", "ndjson")
+    assert "too_short" in {record.kind for record in strict_records(done.stdout) if hasattr(record, "kind")}
 
 
 def test_an_output_that_is_open_for_reading_is_named_too() -> None:

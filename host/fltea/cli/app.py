@@ -59,6 +59,7 @@ def main() -> None:
     gc.freeze()  # the loaded modules are never freed, so the garbage collector need not search them
     # without this, the interpreter would search all objects for cycles at exit, which takes 40 ms
     atexit.register(gc.freeze)
+    standard_output.occupy_closed()
     try:
         standard_output.prepare()
         refuse_secrets(sys.argv[1:])

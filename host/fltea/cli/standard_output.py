@@ -91,12 +91,30 @@ def prepare() -> None:
             stream.reconfigure(errors=SPELL)
 
 
+def occupy_closed() -> None:
+    """Open the null device in place of standard descriptors with which this program was started closed.
+
+    Otherwise the next files that are opened, such as a recording, would get these descriptors, and messages
+    for standard error would be written to them. Python's `print` would write these messages to standard
+    output.
+    """
+    for number in (0, 1, 2):
+        try:
+            os.fstat(number)
+        except OSError:  # the system gives the lowest number that is free
+            os.open(os.devnull, os.O_RDWR)
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+
+
 def finish() -> None:
     """Write what is still buffered. It is no error if the reader of the output has ended.
 
     Raises:
         OutputFailed: the buffered text cannot be written. After this error nothing more is written.
     """
+    if sys.stdout is None:  # it was closed, which `prepare` has reported
+        return
     try:
         sys.stdout.flush()
     except BrokenPipeError:

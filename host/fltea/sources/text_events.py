@@ -189,7 +189,8 @@ class TextEvents:
         yield from self._take(self.reader.finish(), now_ns)
         yield from self.close(now_ns)
         if not self._counts.samples:
-            raise UsageError(f"{self.url}: the input has ended, and no sample was in it. {self._why_none()}")
+            why = self._why_none()
+            raise UsageError(f"{self._where}: the input has ended, and no sample was in it. {why}")
         yield from self._report_lines(now_ns)
         if self.reader.cut is not None:
             yield Trouble(*self.reader.cut, now_ns, fatal=False)

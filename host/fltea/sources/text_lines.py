@@ -8,6 +8,7 @@ import contextlib
 import os
 import select
 import stat
+import sys
 from collections.abc import Iterator
 from urllib.parse import parse_qsl
 
@@ -56,11 +57,8 @@ class PipeText:
                 self._descriptor = os.open(rest, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
             except OSError as error:
                 raise UsageError(f"stdin:{rest}: cannot be read ({error.strerror}).") from error
-        else:
-            try:
-                os.fstat(0)
-            except OSError as error:
-                raise UsageError("stdin: this program was started without a standard input.") from error
+        elif sys.__stdin__ is None:  # descriptor 0 is then that of the file that was opened first
+            raise UsageError("stdin: this program was started without a standard input.")
         self._closed_read, self._closed_write = os.pipe()
         self._closed = False
 
