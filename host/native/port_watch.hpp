@@ -61,8 +61,8 @@ class PortWatch {
     }
     void on_failed() { is_connected_ = false; }
 
-    // Begins again to measure the times after which a trouble is reported. Bytes that came before `now_ns` and
-    // are passed to on_bytes() later do not change this.
+    // Begins again to measure the times after which a trouble is reported. Bytes that came before `now_ns`
+    // and are passed to on_bytes() later do not change this.
     void forgive(std::int64_t now_ns) {
         forgiven_ns_ = opened_ns_ = byte_ns_ = now_ns;
         has_unread_ = false;
@@ -132,7 +132,7 @@ class PortWatch {
 
     PortTimes times_;
     bool is_connected_ = false, is_refused_ = false, heard_hello_ = false;
-    bool has_unread_ = false;  // whether bytes have come that are not part of any readable frame so far
+    bool has_unread_ = false;       // whether bytes have come that are not part of any readable frame so far
     std::int64_t forgiven_ns_ = 0;  // time of the last call of forgive()
     std::int64_t opened_ns_ = 0, byte_ns_ = 0, unread_since_ns_ = 0, unread_bytes_ = 0;
     // kind of the last reported trouble; if it is empty, the next trouble of any kind is reported
