@@ -203,10 +203,26 @@ def test_no_permission_names_what_opens_the_port(monkeypatch) -> None:
     assert "sudo usermod -aG uucp anna" in explain_open_failure("/dev/ttyX", denied)[1]
 
 
-@pytest.mark.parametrize("url", ["carrier-pigeon://home", "hwgrep://[", "socket://localhost"])
+@pytest.mark.parametrize(
+    "url",
+    [
+        "carrier-pigeon://home",
+        "hwgrep://[",
+        "socket://localhost",
+        "rfc2217://pi:x",
+        "RFC2217://pi",
+        "SOCKET://pi",
+    ],
+)
 def test_urls_that_no_retry_can_cure_are_refused(url: str) -> None:
     with pytest.raises(UsageError, match="no serial port that this program knows"):
         Port(url, 250000)
+
+
+@pytest.mark.parametrize("baud", [-1, 0, 99_999_999_999])
+def test_a_speed_that_no_port_has_is_refused(baud: int) -> None:
+    with pytest.raises(UsageError, match="is not possible"):
+        Port("/dev/ttyX", baud)
 
 
 @pytest.mark.parametrize("scheme", ["spy", "SPY", "alt", "cp2110"])

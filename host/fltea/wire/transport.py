@@ -21,7 +21,9 @@ from fltea.records.events import Chunk, Failed, Opened
 from fltea.wire.permission import group_of, join_remedy, this_user
 from fltea.wire.terminal import NO_PORT, is_terminal
 
-FORBIDDEN_BAUD = 1200
+FORBIDDEN_BAUD, MOST_BAUD = 1200, 100_000_000
+"""Opening a Due's port at `FORBIDDEN_BAUD` erases the Due's flash. No port is faster than `MOST_BAUD`."""
+
 DUE_VENDORS = (0x2341, 0x2A03)
 DUE_PROGRAMMING_PORT = 0x003D
 DUE_NATIVE_PORT = 0x003E
@@ -67,7 +69,7 @@ def check_url(url: str, baud: int) -> None:
             "1200 baud is refused: opening a Due's programming port at 1200 baud erases its flash. "
             "The firmware speaks 250000 baud."
         )
-    if baud <= 0:
+    if not 0 < baud <= MOST_BAUD:
         raise UsageError(f"a baud rate of {baud} is not possible; the firmware speaks 250000 baud.")
     try:
         # pyserial, too, takes what precedes `://` as the scheme
@@ -75,7 +77,7 @@ def check_url(url: str, baud: int) -> None:
         if is_url and scheme not in SCHEMES:
             raise ValueError(f"'{scheme}://' is not among the kinds of addresses that fltea opens")
         serial.serial_for_url(url, baudrate=baud, do_not_open=True)
-        if url.startswith(SOCKET) and urlsplit(url).port is None:
+        if scheme in ("socket", "rfc2217") and urlsplit(url).port is None:
             raise ValueError("its port number is missing")
     except (ValueError, re.error) as error:
         raise UsageError(
