@@ -301,7 +301,8 @@ def test_a_folder_that_cannot_be_one(system: FakeSystem, tmp_path: Path) -> None
     # `fltea run` creates the folder of recordings, but not the folder of the snapshot.
     missing = finding_of(outputs(system, state__file=str(tmp_path / "no/state")), "state")
     assert (missing.level, missing.message) == ("problem", f"there is no folder {tmp_path / 'no'}.")
-    assert levels(outputs(system, state__file=str(tmp_path))) == {"state": "problem"}
+    (folder,) = outputs(system, state__file=str(tmp_path))
+    assert (folder.level, folder.message) == ("problem", f"{tmp_path} is a folder.")
     tilde = finding_of(
         outputs(system, record__folder="~/rec"), "disk"
     )  # `fltea run` takes "~/rec" literally as the name of a folder

@@ -47,12 +47,12 @@ def _snapshot(file: Path) -> Iterator[Finding]:
     folder = file.parent
     if file.is_dir():
         yield problem("state", f"{file} is a folder.", "give the name of a file.")
-    elif folder.exists():
-        yield from check_writable("state", folder)
-    else:
+    elif not folder.exists():
         yield problem("state", f"there is no folder {folder}.", f"mkdir -p {folder}")
-        return
-    yield from refused("state", lambda: check_file(file))
+    elif found := list(_writable("state", folder)):
+        yield from found
+    else:
+        yield from refused("state", lambda: check_file(file))
 
 
 def _broker(configs: Sequence[Config], system: System) -> Iterator[Finding]:
