@@ -1,11 +1,15 @@
-"""Checks of network addresses: whether a server answers there, or may listen there."""
+"""Checks of network addresses: whether a server answers there, or may listen there.
+
+What the settings name is tried by the functions by which `fltea run` uses it.
+"""
 
 import errno
 import socket
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from fltea.diagnostics.finding import Finding, ok, problem
-from fltea.settings.outputs import listen_address
+from fltea.records.errors import FlteaError
 
 if TYPE_CHECKING:
     from fltea.diagnostics.host_system import System
@@ -29,27 +33,32 @@ def answers(check: str, server: str, host: str, port: int) -> Finding:
     )
 
 
-def may_listen(check: str, address: str, system: "System") -> Finding:
-    """Return whether a server of this program may listen at `address`. `check`: name of the check."""
+def may_listen(
+    check: str, address: tuple[str, int], listen: Callable[[str, int], None], system: "System"
+) -> Finding:
+    """Return whether a server of this program may listen at an address.
+
+    `check`: name of the check. `listen`: begins to listen at a host and port, as `fltea run` does, and ends.
+    """
+    host, port = address
     try:
-        host, port = listen_address(address)
-    except ValueError as error:
-        return problem(check, f"{error}.")
-    try:
-        family, kind, protocol, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        with socket.socket(family, kind, protocol) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(where)
-    except OSError as error:
-        if error.errno == errno.EADDRINUSE and system.is_running("fltea"):
-            return ok(check, f"{host}:{port} is taken, probably by the fltea that is running")
-        if error.errno == errno.EADDRINUSE:
-            return problem(
-                check,
-                f"{host}:{port} is taken by another program.",
-                f"ss -ltnp 'sport = :{port}' names that program.",
-            )
-        return problem(
-            check, f"{host}:{port} cannot be used ({error.strerror or error}).", "give PORT or HOST:PORT."
-        )
+        listen(host, port)
+    except FlteaError as error:
+        if getattr(error.__cause__, "errno", None) != errno.EADDRINUSE:
+            return problem(check, str(error))
+        return _taken(check, f"{host}:{port}", port, system)
     return ok(check, f"{host}:{port} is free")
+
+
+def _taken(check: str, where: str, port: int, system: "System") -> Finding:
+    """Return a finding on a network port that another program has taken; fltea itself may be that program."""
+    holders = system.listeners(port)
+    names = ", ".join(map(str, holders))
+    if holders and all("fltea" in holder.program for holder in holders):
+        return ok(check, f"{where} is taken by {names}, which is running")
+    if not holders and system.is_running("fltea"):
+        return ok(check, f"{where} is taken, probably by the fltea that is running")
+    if holders:
+        return problem(check, f"{where} is taken by {names}.", "end that program, or give another port.")
+    remedy = f"ss -ltnp 'sport = :{port}' names that program."
+    return problem(check, f"{where} is taken by another program.", remedy)

@@ -1,8 +1,11 @@
 """The result of a check of `fltea doctor`."""
 
+from collections.abc import Callable, Iterator
 from typing import Literal
 
 import msgspec
+
+from fltea.records.errors import FlteaError
 
 Level = Literal["ok", "warning", "problem"]
 
@@ -36,3 +39,11 @@ def warning(check: str, message: str, remedy: str | None = None) -> Finding:
 def problem(check: str, message: str, remedy: str | None = None) -> Finding:
     """Return a finding that says that the program cannot do what the user asks for."""
     return Finding(check=check, level="problem", message=message, remedy=remedy)
+
+
+def refused(check: str, use: Callable[[], object]) -> Iterator[Finding]:
+    """Yield a problem if `use`, which does what `fltea run` would do, refuses a setting."""
+    try:
+        use()
+    except FlteaError as error:
+        yield problem(check, str(error))

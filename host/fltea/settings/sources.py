@@ -43,6 +43,8 @@ class SourceKind(NamedTuple):
 SERIAL, REPLAY, STDIN = "serial", "replay", "stdin"
 """Schemes of the kinds that a bare path may name."""
 
+SERIAL_TEXT = "serial-text"
+
 SOURCES = (
     SourceKind(
         (SERIAL,),
@@ -82,14 +84,16 @@ SOURCES = (
         samples_only=True,
         described=True,
         may_be_bare=True,
+        check="fltea.machine.doctor.checks_text",
     ),
     SourceKind(
-        ("serial-text",),
+        (SERIAL_TEXT,),
         "fltea.sources.text_lines",
         "serial-text:PORT?baud=115200",
         "lines of CSV or NDJSON, live",
         samples_only=True,
         described=True,
+        check="fltea.machine.doctor.checks_text",
     ),
     SourceKind(
         ("mqtt", "mqtts"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fltea.diagnostics.asked import AskedSource
-from fltea.diagnostics.finding import Finding, ok, problem
+from fltea.diagnostics.finding import Finding, ok
 from fltea.recording.bag_files import bags_in
 from fltea.recording.changes import Changes, MotionMark, StepMark
 from fltea.recording.files import Recording, Stored, listed
@@ -352,9 +352,12 @@ def _startup(config: EstimatorConfig) -> int:
 
 
 def check_source(asked: AskedSource) -> Iterator[Finding]:
-    """Yield whether the recording exists."""
-    file = Path(asked.place)
-    if file.exists():
-        yield ok("source", f"{file}: a recording, nothing to check")
-    else:
-        yield problem("source", f"{file}: there is no such recording.", "check the name.")
+    """Yield how the recording can be read. That it can be opened was tried before."""
+    path = Path(asked.place)
+    text = "a recording that can be read" if is_stored(path) else "a pipe, which can be read only once"
+    yield ok("source", f"{path}: {text}")
+
+
+def is_stored(path: Path) -> bool:
+    """Return whether a recording can be read more than once, as a pipe cannot."""
+    return path.is_file() or path.is_dir()

@@ -12,8 +12,6 @@ import sys
 from collections.abc import Iterator
 from urllib.parse import parse_qsl
 
-from fltea.diagnostics.asked import AskedSource
-from fltea.diagnostics.finding import Finding, ok
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Event, Failed, Opened, TransportEvent
@@ -180,8 +178,3 @@ def parse_serial(rest: str) -> tuple[str, int]:
 def open_named(named: Named, config: Config) -> PipeText | SerialText:
     """Return the source that reads lines of text from a pipe or from a port."""
     return (PipeText if named.scheme == STDIN else SerialText)(named.place, config.replay.how)
-
-
-def check_source(asked: AskedSource) -> Iterator[Finding]:
-    """Yield that the lines are not looked at before they are read."""
-    yield ok("source", f"{asked.url}: lines of text; 'fltea run' tells what is wrong with them")

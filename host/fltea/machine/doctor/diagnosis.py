@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import msgspec
 
-from fltea.diagnostics.finding import Finding
+from fltea.diagnostics.finding import Finding, refused
 from fltea.diagnostics.host_system import System
 from fltea.machine.doctor.checks_host import (
     check_clock,
@@ -18,10 +18,9 @@ from fltea.machine.doctor.checks_host import (
     check_udev,
 )
 from fltea.machine.doctor.checks_i2c import check_i2c
-from fltea.machine.doctor.checks_outputs import check_outputs, refused
+from fltea.machine.doctor.checks_outputs import check_outputs
 from fltea.machine.doctor.checks_sources import check_source
 from fltea.machine.doctor.hearing import HEAR_S
-from fltea.machine.host_system import System
 from fltea.service.checks import check_settings
 from fltea.settings.config import Config
 

@@ -12,7 +12,7 @@ from prometheus_client import CollectorRegistry, MetricsHandler, ProcessCollecto
 
 from fltea.diagnostics.addresses import may_listen
 from fltea.diagnostics.asked import AskedOutput
-from fltea.diagnostics.finding import Finding
+from fltea.diagnostics.finding import Finding, problem
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.identities import MOST, FewIdentities
@@ -196,5 +196,12 @@ def open_output(opening: Opening) -> MetricsSink:
 
 
 def check_output(asked: AskedOutput) -> Iterator[Finding]:
-    """Yield whether the server of the metrics may listen at its address."""
-    yield may_listen("metrics", str(asked.program.metrics.address), asked.system)
+    """Yield whether the server of the metrics may listen at its address, which must not be the page's."""
+    address, page = asked.program.metrics.listen(), asked.program.dashboard
+    if page.address is not None and address[1] and address == page.listen():
+        yield problem("metrics", f"the live page has the port {address[1]}, too.", "give another port.")
+    yield may_listen("metrics", address, _try_to_listen, asked.system)
+
+
+def _try_to_listen(host: str, port: int) -> None:
+    listen(host, port, BaseHTTPRequestHandler).server_close()

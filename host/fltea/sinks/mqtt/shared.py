@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from fltea.diagnostics.addresses import answers
 from fltea.diagnostics.asked import AskedOutput
-from fltea.diagnostics.finding import Finding
+from fltea.diagnostics.finding import Finding, refused
 from fltea.mqtt.broker import Broker
 from fltea.mqtt.connection import Acknowledged, Connection, Down, Event, Session, Up, await_end
 
@@ -111,6 +111,7 @@ class SharedConnection:
 
 
 def check_broker(asked: AskedOutput) -> Iterator[Finding]:
-    """Yield whether something answers at the broker's address."""
+    """Yield what is wrong with the settings of the broker, and whether something answers at its address."""
+    yield from refused("mqtt", lambda: Broker(asked.program.mqtt))
     host, port, *_ = asked.program.mqtt.address()
     yield answers("mqtt", "broker", host, port)

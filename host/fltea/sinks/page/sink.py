@@ -8,7 +8,7 @@ from tornado.ioloop import IOLoop
 
 from fltea.diagnostics.addresses import may_listen
 from fltea.diagnostics.asked import AskedOutput
-from fltea.diagnostics.finding import Finding
+from fltea.diagnostics.finding import Finding, refused
 from fltea.records.block import Block
 from fltea.records.ports import Item, Recorder, Report, Sink
 from fltea.records.records import Record
@@ -100,5 +100,14 @@ def open_output(opening: Opening) -> DashboardSink:
 
 
 def check_output(asked: AskedOutput) -> Iterator[Finding]:
-    """Yield whether the server of the live page may listen at its address."""
-    yield may_listen("dashboard", str(asked.program.dashboard.address), asked.system)
+    """Yield what is wrong with the file of the password, and whether the page may listen at its address."""
+    settings = asked.program.dashboard
+    file = settings.password_file
+    if file is not None:
+        yield from refused("dashboard", lambda: read_login("dashboard.password_file", file))
+    yield may_listen("dashboard", settings.listen(), _try_to_listen, asked.system)
+
+
+def _try_to_listen(host: str, port: int) -> None:
+    for one in bind("--dashboard", host, port):
+        one.close()

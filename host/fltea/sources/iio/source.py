@@ -29,6 +29,7 @@ from fltea.sources.iio.buffer import Buffer, Unusable, Wishes, rate_of
 from fltea.sources.iio.conversion import Conversion, conversion, parse_mount
 from fltea.sources.iio.sysfs import ACCEL, GYRO, SENSORS, Attributes, devices, find, root_of
 from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered
+from fltea.sources.opening import Named
 from fltea.sources.silence import PATIENCE_NS, Silence
 from fltea.wire.ports import TICK_S
 
