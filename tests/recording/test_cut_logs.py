@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fltea.recording.files import Note
+from fltea.recording.readers.tdms_parts import checked
+from fltea.records.errors import UsageError
+from nptdms import ChannelObject, TdmsWriter
 
 from tests.rig.corpus_files import GYRO_DPS, HERE, N
 from tests.rig.table_support import stored_here
@@ -82,3 +85,101 @@ def test_a_tdms_file_that_is_cut_off_is_noted(end: int, tmp_path: Path) -> None:
 def test_a_tdms_file_that_is_whole_has_no_note(tmp_path: Path) -> None:
     assert notes_of(tmp_path / "rest.tdms", TDMS + TDMS, [*range(N), *range(N)])[0].kind == "reading"
     assert np.size(notes_of(tmp_path / "one.tdms", TDMS, [*range(N)])) == 0
+
+
+PARTS, ROWS = 5, 40
+VALUES = np.random.default_rng(1).normal(size=(PARTS, ROWS, 3))
+PART_BYTES = ROWS * 3 * 8
+
+
+def in_parts(path: Path, stated: object = 0.01) -> list[int]:
+    """Write a TDMS file in some parts; return where each begins, and the end."""
+    with TdmsWriter(path) as out:
+        for part in VALUES:
+            out.write_segment(
+                [
+                    ChannelObject(
+                        "imu", f"gyro_{axis}", part[:, k], {"wf_increment": stated, "unit_string": "deg/s"}
+                    )
+                    for k, axis in enumerate("xyz")
+                ]
+            )
+    data = path.read_bytes()
+    begins = [k for k in range(len(data)) if data.startswith(b"TDSm", k)]
+    assert len(begins) == PARTS
+    return [*begins, len(data)]
+
+
+@pytest.mark.parametrize(
+    "lacking", [1, 8, ROWS * 8 - 3, ROWS * 8, ROWS * 8 + 3, PART_BYTES - 9, PART_BYTES + 9]
+)
+def test_the_rows_of_the_last_part_of_tdms_that_are_whole_are_read(lacking: int, tmp_path: Path) -> None:
+    """In a part, all values of x come before those of y, so that a cut leaves channels of unequal lengths."""
+    path = tmp_path / "rest.tdms"
+    in_parts(path)
+    path.write_bytes(path.read_bytes()[:-lacking])
+    found = stored_here(path)
+    rows = max(ROWS - -(-lacking // 8), 0) + (PARTS - 1) * ROWS
+    assert found.whole().gyro == pytest.approx(VALUES.reshape(-1, 3)[:rows])
+    (note,) = [note for note in found.notes if note.kind == "cut_recording"]
+    assert f"bytes missing: {lacking}" in note.text
+    if lacking < PART_BYTES:
+        assert f"{(PARTS * ROWS - rows) if lacking < 2 * ROWS * 8 else 1} of gyro_x" in note.text
+
+
+def damaged(data: bytes, at: list[int], how: str) -> bytes:
+    """Return the data with damage in the part before the last but one."""
+    begin, end = at[2], at[3]
+    match how:
+        case "tag":
+            return data[:begin] + b"XXXX" + data[begin + 4 :]
+        case "length":
+            return data[: begin + 12] + struct.pack("<Q", end - begin) + data[begin + 20 :]
+        case "length beyond the file":
+            return data[: begin + 12] + struct.pack("<Q", 1 << 40) + data[begin + 20 :]
+        case "description":
+            return data[: begin + 28] + b"\x7f" * 40 + data[begin + 68 :]
+        case "hole":
+            return data[: end - 500] + data[end - 400 :]
+    return data[: begin + 10] + data[end - 30 :]
+
+
+@pytest.mark.parametrize(
+    "how", ["tag", "length", "length beyond the file", "description", "hole", "most is gone"]
+)
+def test_a_damaged_part_of_tdms_costs_only_this_part(how: str, tmp_path: Path) -> None:
+    path = tmp_path / "rest.tdms"
+    at = in_parts(path)
+    data = damaged(path.read_bytes(), at, how)
+    path.write_bytes(data)
+    found = stored_here(path)
+    assert found.whole().gyro == pytest.approx(
+        np.concatenate([VALUES[k] for k in (0, 1, 3, 4)]).reshape(-1, 3)
+    )
+    (note,) = [note for note in found.notes if note.kind == "recording_gap"]
+    lost = at[3] - at[2] - (at[-1] - len(data))
+    assert f"rest.tdms: is damaged: {lost} bytes in one place, at byte {at[2]}" in note.text
+
+
+@pytest.mark.parametrize("part", [0, 2])
+def test_a_description_with_other_bytes_is_not_read_as_other_channels(part: int, tmp_path: Path) -> None:
+    """The library would read a channel of another name, and take its values away from the gyroscope."""
+    path = tmp_path / "rest.tdms"
+    at = in_parts(path)
+    data = path.read_bytes()
+    path.write_bytes(data[: at[part] + 36] + b"\x7f" * 5 + data[at[part] + 41 :])
+    found = stored_here(path)
+    assert len(found.whole().gyro) == ROWS * (PARTS - 1)
+    assert [note.kind for note in found.notes] == ["recording_gap", "reading"]
+
+
+def test_a_file_of_tdms_of_which_no_part_is_whole_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "rest.tdms").write_bytes(TDMS[:36] + b"\x7f" * 5 + TDMS[41:])
+    with pytest.raises(UsageError, match="is damaged: none of its parts is whole"):
+        stored_here(tmp_path / "rest.tdms")
+
+
+def test_what_the_examples_of_tdms_describe_is_understood() -> None:
+    """Otherwise a part that is whole would be left out where another one is damaged."""
+    for path in HERE.glob("*.tdms"):
+        assert not checked(path).lost, path
