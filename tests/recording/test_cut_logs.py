@@ -13,6 +13,7 @@ from fltea.records.errors import UsageError
 from nptdms import ChannelObject, TdmsWriter
 
 from tests.rig.corpus_files import GYRO_DPS, HERE, N
+from tests.rig.log_files import dataflash
 from tests.rig.table_support import stored_here
 
 pytestmark = pytest.mark.filterwarnings(
@@ -58,6 +59,65 @@ def test_bytes_of_a_log_of_ardupilot_that_are_no_message_are_counted(lost: int, 
     is_last = lost == N - 1
     assert note.kind == ("cut_recording" if is_last else "recording_gap")
     assert f"{MESSAGE_BYTES - 5} bytes " in note.text
+
+
+def in_place(data: bytes, at: int, new: bytes) -> bytes:
+    return data[:at] + new + data[at + len(new) :]
+
+
+RATES = np.random.default_rng(2).normal(scale=0.01, size=(60, 3)).astype(np.float32)
+LONG = "GYR", "QBQfff", "TimeUS,I,SampleUS,GyrX,GyrY,GyrZ"
+FORMS = {name: (fields, columns) for name, fields, columns in [LONG, ("ATT", "Qccc", "TimeUS,R,P,Y")]}
+GYR = [("GYR", 10_000 * k, 0, 10_000 * k, *RATES[k]) for k in range(len(RATES))]
+TURNS = dataflash(
+    FORMS, (one for k, row in enumerate(GYR) for one in (row, *[("ATT", row[1], 1, 2, 3)] * (k % 9 == 0)))
+)
+MIDDLE = TURNS.index(b"\xa3\x95\x81", TURNS.index(struct.pack("<Q", 10_000 * 29), 300))
+"""Offset of the message of sample 30, which no other kind of message precedes or follows."""
+GYR_BYTES, ATT_BYTES, FMT_BYTES = 3 + 29, 3 + 14, 89
+
+
+@pytest.mark.parametrize(
+    "new", [b"\xa3\x95\x55", b"\xa3\x95\x80", b"\xa3\x95\x82", b"\0", b"\xa3\0", b"\xa3\x95\x55" + bytes(29)]
+)
+def test_damage_in_a_log_of_ardupilot_costs_one_message(new: bytes, tmp_path: Path) -> None:
+    """The library ends at a kind that it does not know, and otherwise reads other bytes as a message."""
+    path = tmp_path / "log.bin"
+    path.write_bytes(in_place(TURNS, MIDDLE, new))
+    found = stored_here(path)
+    assert found.whole().gyro == pytest.approx(np.rad2deg(np.delete(RATES, 30, axis=0)), rel=1e-6)
+    (note,) = found.notes
+    assert note.kind == "recording_gap"
+    assert f"log.bin: is damaged: {GYR_BYTES} bytes in one place, at byte {MIDDLE}, belong to no" in note.text
+
+
+def test_a_short_message_is_not_read_as_a_longer_one(tmp_path: Path) -> None:
+    """With the number of GYR, ATT would be a sample whose rates are bytes of the next message."""
+    at = TURNS.index(b"\xa3\x95\x82", MIDDLE)
+    path = tmp_path / "log.bin"
+    path.write_bytes(in_place(TURNS, at + 2, b"\x81"))
+    found = stored_here(path)
+    assert found.whole().gyro == pytest.approx(np.rad2deg(RATES), rel=1e-6)
+    assert f"is damaged: {ATT_BYTES} bytes in one place, at byte {at}" in found.notes[0].text
+
+
+def test_several_holes_in_a_log_of_ardupilot_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "log.bin"
+    data = in_place(TURNS, MIDDLE + GYR_BYTES, b"\xa3\x95\x55")
+    path.write_bytes(data[: MIDDLE - GYR_BYTES] + data[MIDDLE - 7 :])
+    found = stored_here(path)
+    assert found.whole().gyro == pytest.approx(np.rad2deg(np.delete(RATES, [29, 31], axis=0)), rel=1e-6)
+    text = f"is damaged: {7 + GYR_BYTES} bytes in 2 places, the first at byte {MIDDLE - GYR_BYTES}"
+    assert text in found.notes[0].text
+
+
+def test_a_log_of_ardupilot_whose_formats_are_damaged_says_so(tmp_path: Path) -> None:
+    """Advice to log the gyroscope would be wrong: its messages are there."""
+    path = tmp_path / "log.bin"
+    path.write_bytes(in_place(TURNS, FMT_BYTES + 2, b"\x55"))
+    with pytest.raises(UsageError, match=r"it has ATT, FMT\. The log: is damaged: \d+ bytes in") as caught:
+        stored_here(path)
+    assert "LOG_BITMASK" not in str(caught.value)
 
 
 @pytest.mark.parametrize("padding", [b"\xff" * 249, bytes(527), b""])

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from fltea.recording.files import Note, listed
 from fltea.recording.readers.arrays import of_arrays
+from fltea.recording.readers.dataflash import HEAD_BYTES, MOST_PADDING, TYPES, Form, messages_in
 from fltea.recording.reading import Missing, not_stated
 from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
@@ -18,37 +19,9 @@ MESSAGES = "GYR", "IMU", "ISB"
 read.
 """
 
-TYPES = {
-    "b": "i1",
-    "B": "u1",
-    "M": "u1",
-    "h": "<i2",
-    "H": "<u2",
-    "c": "<i2",
-    "C": "<u2",
-    "i": "<i4",
-    "I": "<u4",
-    "e": "<i4",
-    "E": "<u4",
-    "L": "<i4",
-    "f": "<f4",
-    "g": "<f2",
-    "d": "<f8",
-    "q": "<i8",
-    "Q": "<u8",
-    "n": "S4",
-    "N": "S16",
-    "Z": "S64",
-    "a": "(32,)<i2",
-}
 SCALES = {**dict.fromkeys("cCeE", 0.01), "L": 1e-7}
 """Factors by which a field's stored numbers are multiplied, by the letter of the field's format. Source:
 ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html.
-"""
-
-MOST_PADDING = 528
-"""A log may end with padding of zeros or ones, since it is written in pages. As in ArduPilot's library, there
-are fewer than this number of bytes of padding.
 """
 
 OF_GYROSCOPE = 1
@@ -67,7 +40,9 @@ def read(path: Path, topic: str) -> Sheet:
     if message not in there:
         what = f"no {message} messages" if message else f"no messages {' or '.join(MESSAGES)}"
         has = f"those of {listed([*there])}" if there else f"{listed(log.names)}"
-        raise UsageError(f"is an ArduPilot log with {what}; it has {has}. Set LOG_BITMASK to log the IMU.")
+        damage = "".join(f" The log: {note.text}" for note in log.losses())
+        advice = damage or " Set LOG_BITMASK to log the IMU."
+        raise UsageError(f"is an ArduPilot log with {what}; it has {has}.{advice}")
     sensors = there[message]
     each = ", ".join(f"{message}:{number} ({len(rows)} messages)" for number, rows in sensors.items())
     number = int(asked[2]) if asked and asked[2] else next(iter(sensors))
@@ -95,56 +70,62 @@ class _Log:
     def __init__(self, path: Path) -> None:
         from pymavlink.DFReader import DFReader_binary
 
-        self._log = DFReader_binary(str(path))
-        self._bytes = np.frombuffer(self._log.data_map, np.uint8)
-        self.names = sorted(name for name, key in self._log.name_to_id.items() if len(self._log.offsets[key]))
+        log = DFReader_binary(str(path))
+        self._bytes, self._offsets = np.frombuffer(log.data_map, np.uint8), dict[int, Any]()
+        self._forms, self._holes, self._lost_bytes, self._first = dict[int, Form](), 0, 0, 0
+        for kind, form in log.formats.items():
+            letters = form.format if isinstance(form.format, str) else form.format.decode("latin-1")
+            self._forms[kind] = Form(form.name, form.len, letters.rstrip("\0"), form.columns)
+            self._offsets[kind] = np.array(log.offsets[kind], np.int64)
+        self._tail = self._behind_all()
+        if not _is_padding(self._tail):
+            found = messages_in(log.data_map)
+            self._forms, self._tail = found.forms, found.tail
+            self._offsets = {kind: np.array(offsets, np.int64) for kind, offsets in found.offsets.items()}
+            self._holes, self._lost_bytes, self._first = found.holes, found.lost_bytes, found.first
+        self._kinds = {form.name: kind for kind, form in self._forms.items()}
+        self.names = sorted(name for name, kind in self._kinds.items() if len(self._offsets.get(kind, ())))
+
+    def _behind_all(self) -> bytes:
+        """Return the bytes after the last message; all bytes if some before it belong to no message."""
+        end = whole_bytes = 0
+        for kind, offsets in self._offsets.items():
+            if len(offsets):
+                length = self._forms[kind].length
+                whole_bytes += len(offsets) * length
+                end = max(end, offsets[-1] + length)
+        return self._bytes[end if end == whole_bytes <= len(self._bytes) else 0 :].tobytes()
 
     def losses(self) -> list[Note]:
         """Return warnings about the bytes that belong to no whole message, without the log's path."""
-        end = whole_bytes = 0
-        for key, offsets in enumerate(self._log.offsets):
-            if len(offsets) and key in self._log.formats:
-                length = self._log.formats[key].len
-                is_cut = offsets[-1] + length > len(self._bytes)
-                whole = len(offsets) - is_cut
-                whole_bytes += whole * length
-                end = max(end, offsets[whole - 1] + length if whole else 0)
-        found, tail = [], self._bytes[end:].tobytes()
-        if lost := end - whole_bytes:
-            text = f"is damaged: {lost} bytes belong to no message and are left out; the messages around them"
-            found.append(Note("recording_gap", f"{text} are read."))
-        if tail.strip(b"\0\xff") or len(tail) >= MOST_PADDING:
-            text = f"its last {len(tail)} bytes are no whole message and are left out: the board was switched"
-            found.append(Note("cut_recording", f"{text} off, or the file is cut or damaged."))
+        found = []
+        if self._holes:
+            places = f"{self._holes} places, the first" if self._holes > 1 else "one place,"
+            text = f"is damaged: {self._lost_bytes} bytes in {places} at byte {self._first}, belong to no "
+            text += "message that the log declares and are left out; the messages around them are read."
+            found.append(Note("recording_gap", text))
+        if not _is_padding(self._tail):
+            text = f"its last {len(self._tail)} bytes are no whole message and are left out: the board was "
+            found.append(Note("cut_recording", f"{text}switched off, or the file is cut or damaged."))
         return found
 
     def offsets(self, name: str) -> Any:
         """Return the offsets in the log of all messages with a given name."""
-        if name not in self._log.name_to_id:
-            return np.empty(0, np.int64)
-        key = self._log.name_to_id[name]
-        found = np.array(self._log.offsets[key], np.int64)
-        return found[found + self._log.formats[key].len <= len(self._bytes)]
+        return self._offsets.get(self._kinds.get(name, -1), np.empty(0, np.int64))
 
     def rows(self, name: str) -> Any:
         """Return all messages with a given name as a structured array with a column for each field."""
         offsets = self.offsets(name)
         if not len(offsets):
             return np.empty(0, [("TimeUS", "<u8")])
-        form = self._log.formats[self._log.name_to_id[name]]
-        letters = form.format if isinstance(form.format, str) else form.format.decode("latin-1")
-        letters = letters.rstrip("\0")
-        packed = np.dtype(
-            [(column, TYPES[letter]) for column, letter in zip(form.columns, letters, strict=True)]
-        )
-        if packed.itemsize != form.len - 3:
-            raise ValueError(f"{name} declares {form.len} bytes, and its fields take {packed.itemsize + 3}")
-        found = self._bytes[offsets[:, np.newaxis] + np.arange(3, form.len)].view(packed)[:, 0]
-        scaled = {
-            column: SCALES[letter]
-            for column, letter in zip(form.columns, letters, strict=True)
-            if letter in SCALES
-        }
+        form = self._forms[self._kinds[name]]
+        fields = list(zip(form.columns, form.fields, strict=True))
+        packed = np.dtype([(column, TYPES[letter]) for column, letter in fields])
+        if packed.itemsize != form.length - HEAD_BYTES:
+            declared, taken = form.length, packed.itemsize + HEAD_BYTES
+            raise ValueError(f"{name} declares {declared} bytes, and its fields take {taken}")
+        found = self._bytes[offsets[:, np.newaxis] + np.arange(HEAD_BYTES, form.length)].view(packed)[:, 0]
+        scaled = {column: SCALES[letter] for column, letter in fields if letter in SCALES}
         if not scaled:
             return found
         whole = np.empty(
@@ -202,3 +183,8 @@ class _Log:
         return replace(
             sheet, unit_evidence=("dialect", "ArduPilot: counts of a batch, divided by mul, are rad/s")
         )
+
+
+def _is_padding(tail: bytes) -> bool:
+    """Return whether the bytes after the last message are padding or none."""
+    return len(tail) < MOST_PADDING and not tail.strip(b"\0\xff")
