@@ -158,3 +158,34 @@ def test_a_log_that_the_library_takes_for_damaged(tmp_path: Path) -> None:
     found = read(tmp_path, ulog(twice, [("sensor_combined", 0), ("sensor_gyro", 0)], rows))
     said = f": the library of PX4 takes the log for damaged, and read {N} of {N + 10} messages of"
     assert (found.samples, said in told(found)["recording_gap"]) == (N, True)
+
+
+def declared_again(fields: str, *, is_first: bool = False) -> bytes:
+    """Return the log with another declaration of its format, before or after the one that is right."""
+    body = f"sensor_combined:uint64_t timestamp;{fields}".encode()
+    right = WHOLE.index(b"sensor_combined:") - 3
+    at = right if is_first else right + 3 + len(f"sensor_combined:uint64_t timestamp;{FORM}")
+    return WHOLE[:at] + struct.pack("<HB", len(body), ord("F")) + body + WHOLE[at:]
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+@pytest.mark.parametrize("fields", ["float[3] gyro_rad;", f"{FORM}float[3] more;"])
+def test_a_format_that_is_declared_twice_is_the_one_that_fits(
+    fields: str, is_first: bool, tmp_path: Path
+) -> None:
+    """No message has the length of the other declaration, so all would seem to be damaged."""
+    found = read(tmp_path, declared_again(fields, is_first=is_first))
+    assert found.whole().gyro == pytest.approx(np.rad2deg(RADS), rel=1e-6)
+    assert "declares the fields of sensor_combined twice" in told(found)["recording_gap"]
+
+
+def test_a_format_with_other_fields_of_the_same_length_is_refused(tmp_path: Path) -> None:
+    again = "float[3] accelerometer_m_s2;uint32_t gyro_integral_dt;float[3] gyro_rad;"
+    with pytest.raises(
+        UsageError, match="declares the fields of sensor_combined twice, each time others, and"
+    ):
+        read(tmp_path, declared_again(again))
+
+
+def test_a_format_that_is_declared_again_as_it_was_is_no_loss(tmp_path: Path) -> None:
+    assert read(tmp_path, declared_again(FORM)).notes == ()

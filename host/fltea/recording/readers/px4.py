@@ -54,6 +54,11 @@ def read(path: Path, topic: str) -> Sheet:
             f"is a PX4 log whose {name} is of several sensors one after the other (device_id "
             f"{listed(devices)}), so its samples are not all of one sensor. Name another topic by --topic."
         )
+    if name in whole.twice and not whole.is_settled:
+        raise UsageError(
+            f"is a PX4 log that declares the fields of {name} twice, each time others, and which are right "
+            "cannot be told. Name another topic by --topic."
+        )
     sheet = _unpacked(data) if name == FIFO else of_arrays(data)
     texts = []
     if name == TOPICS[0] and len(others := _by_instance(log, "sensor_gyro")) > 1:
@@ -120,11 +125,14 @@ def _losses(path: Path, whole: Mended, log: Any, wanted: list[str]) -> list[Note
         text = f"is damaged: {whole.lost_bytes} bytes in {places} at byte {whole.first}, belong to no message"
         found.append(("recording_gap", f"{text} and are left out; the parts before and after them are read."))
     if whole.odd:
-        many = "one message is" if whole.odd == 1 else f"{whole.odd} messages are"
+        many, left = ("one message is", "is") if whole.odd == 1 else (f"{whole.odd} messages are", "are")
         text = f"{many} of a kind or a topic that the log does not declare"
         found.append(
-            ("recording_gap", f"{text}, and are left out: the log is damaged, or newer than this program.")
+            ("recording_gap", f"{text}, and {left} left out: the log is damaged, or newer than this program.")
         )
+    if whole.twice:
+        text = f"declares the fields of {listed(whole.twice)} twice, each time others; those that fit the "
+        found.append(("recording_gap", f"{text}length of the messages are taken."))
     read = sum(len(one.data["timestamp"]) for one in log.data_list)
     there = sum(count for (name, _), count in whole.counts.items() if name in wanted)
     if read != there or log.file_corruption:

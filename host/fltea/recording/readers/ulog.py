@@ -63,7 +63,8 @@ class Mended(NamedTuple):
     `data`: the log without its holes; b"" if the log is intact. `holes`: number of holes; `lost_bytes`: total
     length of the holes; `first`: offset of the first hole. `cut_bytes`: length of a truncated last message.
     `odd`: number of messages of an unknown kind, or with a topic number that the log does not declare.
-    `counts`: number of messages by topic and sensor.
+    `counts`: number of messages by topic and sensor. `twice`: names of formats that the log declares again
+    with other fields. `is_settled`: whether the length of the messages tells which declaration is right.
     """
 
     data: bytes
@@ -73,6 +74,8 @@ class Mended(NamedTuple):
     cut_bytes: int
     odd: int
     counts: Mapping[tuple[str, int], int]
+    twice: tuple[str, ...] = ()
+    is_settled: bool = True
 
     @property
     def is_whole(self) -> bool:
@@ -85,9 +88,16 @@ def mended(content: bytes | mmap) -> Mended:
 
     Return the result, which contains a copy of the log without its damaged parts.
     """
-    scan = _LogScan(content)
-    scan.run()
-    return scan.found()
+    first, last = (_LogScan(content, keeps_first=keeps_first) for keeps_first in (True, False))
+    first.run()
+    found = first.found()
+    if not found.twice:
+        return found
+    last.run()
+    other = last.found()
+    if found.counts == other.counts:
+        return found._replace(is_settled=False)
+    return max(found, other, key=lambda one: sum(one.counts.values()))
 
 
 _Field = tuple[str, int, str]
@@ -107,16 +117,27 @@ class _Topic(NamedTuple):
 
 
 class _Formats:
-    """The formats of messages that the log has declared so far: the fields of each, by the format's name."""
+    """The formats of messages that the log has declared so far: the fields of each, by the format's name.
 
-    def __init__(self) -> None:
+    `keeps_first`: whether the first of two declarations of a format is kept, or the last. `twice`: formats
+    that are declared again with other fields.
+    """
+
+    def __init__(self, *, keeps_first: bool) -> None:
         self._fields: dict[str, list[_Field]] = {}
         self._lengths = dict(SIZES)
+        self._keeps_first = keeps_first
+        self.twice: dict[str, None] = {}
 
-    def add(self, name: str, fields: list[_Field]) -> None:
-        """Add a format."""
+    def add(self, name: str, fields: list[_Field]) -> bool:
+        """Add a format. Return False if an earlier declaration is kept instead."""
+        if self._fields.get(name, fields) != fields:
+            self.twice[name] = None
+            if self._keeps_first:
+                return False
         self._fields[name] = fields
         self._lengths = dict(SIZES)
+        return True
 
     def sizes(self, name: str) -> tuple[int, int]:
         """Return two lengths of a format's messages: without the padding at their end, and with the padding.
@@ -172,9 +193,9 @@ class _Damage:
 
 
 class _LogScan:
-    def __init__(self, content: bytes | mmap) -> None:
+    def __init__(self, content: bytes | mmap, *, keeps_first: bool) -> None:
         self._content, self._size = content, len(content)
-        self._formats = _Formats()
+        self._formats = _Formats(keeps_first=keeps_first)
         self._topics: dict[int, _Topic] = {}
         self._is_head = True
         self._counts: Counter[tuple[str, int]] = Counter()
@@ -202,7 +223,7 @@ class _LogScan:
         data = b"".join(self._pieces()) if self._damage or self._is_changed else b""
         holes, cut_bytes, odd = self._damage.holes, self._damage.cut_bytes, self._damage.odd
         first, lost = (holes[0][0] if holes else 0), sum(end - at for at, end in holes)
-        return Mended(data, len(holes), lost, first, cut_bytes, odd, self._counts)
+        return Mended(data, len(holes), lost, first, cut_bytes, odd, self._counts, (*self._formats.twice,))
 
     def _pieces(self) -> list[bytes]:
         return [one if isinstance(one, bytes) else self._content[slice(*one)] for one in self._kept]
@@ -288,7 +309,9 @@ class _LogScan:
         if kind == ord("F"):
             form = self._form(body, size)
             assert form is not None
-            self._formats.add(*form)
+            if not self._formats.add(*form):
+                self._is_changed = True
+                return
         elif kind == ord("A"):
             self._is_head = False
             sensor, number = struct.unpack("<BH", self._content[body : body + 3])
