@@ -11,7 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from fltea.cluster.cut import Cut, Ranges, even_pieces
-from fltea.recording.bag_ros1 import LENGTH, VERSION, Op, next_record
+from fltea.recording.bag_ros1 import VERSION
+from fltea.recording.bag_ros1_records import LENGTH, Op, next_record
 from fltea.recording.csv_file import HEAD_BYTES
 from fltea.recording.npz_arrays import read_header
 from fltea.recording.raw_lines import LONGEST_LINE, UTF_16

@@ -3,6 +3,7 @@
 import contextlib
 from dataclasses import dataclass, field
 from itertools import repeat
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from fltea.recording.bag_imu import Encoding, Imu, read_ros, ros_layout
 from fltea.recording.bag_names import Layout
 from fltea.recording.decompress import decompressed_zstd
+from fltea.recording.files import Note
 from fltea.recording.quota import Quota
 from fltea.recording.sample_times import Ints
 from fltea.settings.extras import load
@@ -85,6 +87,13 @@ class Topic(NamedTuple):
         from fltea.recording.bag_objects import read_objects
 
         return read_objects(messages, layout, str(self.encoding), self.type, self.schema, quota)
+
+
+def undescribed(path: Path, messages: int) -> Note:
+    """Return the note on messages whose topic is not described in the parts of a bag that can be read."""
+    many = f"{messages} messages are" if messages > 1 else "one message is"
+    text = f"{path}: {many} left out: the description of the topic was in a damaged part."
+    return Note("recording_gap", text)
 
 
 def encoding_of(name: str) -> Encoding | None:

@@ -8,29 +8,28 @@ import contextlib
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
 
 from fltea.recording.bag_files import ROS1
-from fltea.recording.bag_messages import Batch, Topic
+from fltea.recording.bag_messages import Batch, Topic, undescribed
+from fltea.recording.bag_ros1_records import (
+    DAMAGE,
+    LENGTH,
+    OUTER,
+    FileBytes,
+    Op,
+    Place,
+    find_record,
+    follows,
+    read_fields,
+    record_at,
+    records_in,
+)
 from fltea.recording.decompress import decompressed_bz2, decompressed_lz4
 from fltea.recording.files import Note
 from fltea.settings.extras import load
 from fltea.settings.limits import Limits
 
 VERSION = ROS1 + b"2.0\n"
-
-
-class Op:
-    """Types of a bag's records: values of the field `op` in a record's header."""
-
-    MESSAGE, BAG_HEADER, CHUNK, CHUNK_INFO, CONNECTION = b"\x02", b"\x03", b"\x05", b"\x06", b"\x07"
-
-
-LONGEST_HEADER = 1 << 20
-DAMAGE = (struct.error, ValueError, KeyError)
-"""Errors that are raised when damaged records are read."""
-
-LENGTH = struct.Struct("<I")
 TIME = struct.Struct("<II")
 
 
@@ -53,78 +52,91 @@ def read_ros1(path: Path, limits: Limits) -> Iterator[Batch | Note]:
             raise ValueError(
                 f"its format is {version[len(ROS1) :].decode(errors='replace').strip()}, not 2.0"
             )
-        messages = _Messages()
-        index: bytes | None = None
-        described = 0
-        place = file.tell()
-        while (record := next_record(file, size)) is not None:
-            fields, length = record.fields, min(record.length, size - file.tell())
-            begin = file.tell()
-            match fields.get(b"op"):
-                case Op.BAG_HEADER:
-                    index = fields.get(b"chunk_count") if any(fields.get(b"index_pos", b"")) else None
-                case Op.CHUNK_INFO:
-                    described += 1
-                case Op.CHUNK:
-                    if length > limits.chunk_bytes:
-                        raise limits.chunk_too_large(f"{path}: the chunk at byte {place}", length)
-                    problem = _read_chunk(
-                        file.read(length), fields, messages, limits, f"{path}: byte {place}"
-                    )
-                    yield from messages.taken()
-                    if problem is not None and length == record.length:
-                        text = f"{path}: the chunk at byte {place} is damaged ({problem})"
-                        yield Note("recording_gap", f"{text}; what could be read of it is used.")
-                case Op.MESSAGE | Op.CONNECTION if length <= limits.chunk_bytes and length == record.length:
-                    with contextlib.suppress(*DAMAGE):
-                        messages.add(fields, file.read(length))
-                    yield from messages.taken()
-            if length < record.length:
-                break
-            place = begin + length
-            file.seek(place)
-        if place != size or index != LENGTH.pack(described):
-            text = f"{path}: was not closed, or is cut off; what reached the disk is read."
+        yield from _Bag(path, FileBytes(file, size), limits).read()
+
+
+class _Bag:
+    """One pass through a bag, whose version has been read."""
+
+    def __init__(self, path: Path, content: FileBytes, limits: Limits) -> None:
+        self._path, self._content, self._limits = path, content, limits
+        self._messages = _Messages()
+
+    def read(self) -> Iterator[Batch | Note]:
+        """Yield all messages of the bag, and notes on the parts of the file that are unreadable."""
+        at, size = len(VERSION), len(self._content)
+        chunks: bytes | None = None
+        described = damaged = 0
+        is_cut = False
+        while at < size and not is_cut:
+            place = record_at(self._content, at)
+            end = at if place is None else place.end
+            if place is None or not follows(self._content, end):
+                # the length of the record may be wrong, or bytes of it may be missing
+                following = find_record(self._content, at + 1, OUTER)
+                is_cut = following == size
+                if not is_cut:
+                    damaged += 1
+                    yield self._lost(at, place, following)
+                end = min(following, max(end, at) if is_cut else following)
+            if place is not None:
+                kind = place.fields[b"op"]
+                described += kind == Op.CHUNK_INFO
+                if kind == Op.BAG_HEADER:
+                    index = int.from_bytes(place.fields.get(b"index_pos", b""), "little")
+                    chunks = place.fields.get(b"chunk_count") if index else None
+                    self._describe(index)
+                yield from self._take(at, place, end)
+            at = end
+        if is_cut or chunks is None or (chunks != LENGTH.pack(described) and not damaged):
+            text = f"{self._path}: was not closed, or is cut off; what reached the disk is read."
             yield Note("cut_recording", text)
+        if self._messages.unknown:
+            yield undescribed(self._path, self._messages.unknown)
 
+    def _lost(self, at: int, place: Place | None, following: int) -> Note:
+        what = "chunk" if place is not None and place.fields[b"op"] == Op.CHUNK else "record"
+        text = (
+            f"the {what} at byte {at} is damaged: the next record begins at byte {following}, and not where "
+        )
+        return Note("recording_gap", f"{self._path}: {text}this one ends; what could be read of it is used.")
 
-class _Record(NamedTuple):
-    fields: dict[bytes, bytes]
-    length: int
-    """Length of the record's data, which follow its header [bytes]."""
+    def _describe(self, index: int) -> None:
+        """Read the descriptions of topics in the bag's index. Those in chunks may be damaged."""
+        place, size = record_at(self._content, index), len(self._content)
+        if index and (place is None or place.fields[b"op"] != Op.CONNECTION):
+            # bytes are missing, so that the index is elsewhere
+            at = find_record(self._content, 0, (Op.CONNECTION,))
+            while at < size and (place := record_at(self._content, at)):
+                self._add(place, place.end)
+                at = find_record(self._content, place.end, (Op.CONNECTION,))
+        while index and place and place.fields[b"op"] == Op.CONNECTION:
+            self._add(place, place.end)
+            place = record_at(self._content, place.end)
 
+    def _add(self, place: Place, end: int) -> None:
+        is_whole = end == place.end <= len(self._content)
+        if is_whole and end - place.begin <= self._limits.chunk_bytes:
+            with contextlib.suppress(*DAMAGE):
+                self._messages.add(place.fields, self._content[place.begin : end])
 
-def next_record(file: BinaryIO, size: int) -> _Record | None:
-    """Read the header of the next record. Return None at the end of the file or at invalid bytes."""
-    head = file.read(LENGTH.size)
-    if len(head) < LENGTH.size:
-        return None
-    (length,) = LENGTH.unpack(head)
-    if length > min(LONGEST_HEADER, size - file.tell()):
-        return None
-    header, head = file.read(length), file.read(LENGTH.size)
-    if len(head) < LENGTH.size:
-        return None
-    try:
-        return _Record(_read_fields(header), LENGTH.unpack(head)[0])
-    except ValueError:
-        return None
-
-
-def _read_fields(header: bytes) -> dict[bytes, bytes]:
-    """Return the fields of a header, by name. A header stores each field as its length and `name=value`."""
-    fields = {}
-    at, end = 0, len(header)
-    while at < end:
-        if at + LENGTH.size > end:
-            raise ValueError("a header that is cut")
-        after = at + LENGTH.size + int.from_bytes(header[at : at + 4], "little")
-        name, equals, value = header[at + 4 : after].partition(b"=")
-        if after > end or not equals:
-            raise ValueError("a header without names")
-        fields[name] = value
-        at = after
-    return fields
+    def _take(self, at: int, place: Place, end: int) -> Iterator[Batch | Note]:
+        """Read a chunk, a message or a description. `end`: where it ends, or the damage in it."""
+        kind = place.fields[b"op"]
+        if kind in (Op.MESSAGE, Op.CONNECTION):
+            self._add(place, end)
+        elif kind == Op.CHUNK:
+            if end - place.begin > self._limits.chunk_bytes:
+                raise self._limits.chunk_too_large(f"{self._path}: the chunk at byte {at}", end - place.begin)
+            where = f"{self._path}: byte {at}"
+            packed = self._content[place.begin : end]
+            problem = _read_chunk(packed, place.fields, self._messages, self._limits, where)
+            yield from self._messages.taken()
+            if problem is not None and end == place.end:
+                text = f"{self._path}: the chunk at byte {at} is damaged ({problem})"
+                yield Note("recording_gap", f"{text}; what could be read of it is used.")
+            return
+        yield from self._messages.taken()
 
 
 def _read_chunk(
@@ -144,8 +156,8 @@ def _read_chunk(
         most = limits.chunk_bytes + 1
         try:
             data = (decompressed_lz4 if compression == b"lz4" else decompressed_bz2)(packed, most)
-        except (OSError, ValueError, RuntimeError, EOFError) as error:
-            return str(error)
+        except (OSError, ValueError, RuntimeError, EOFError):
+            return f"it cannot be decompressed by {compression.decode()}"
         if len(data) == most:
             raise limits.chunk_too_large(place, most)
         if LENGTH.pack(len(data)) != fields.get(b"size"):
@@ -154,31 +166,29 @@ def _read_chunk(
 
 
 class _Messages:
-    """Collects the messages of a bag by connection: a publisher's stream of messages on one topic."""
+    """Collects the messages of a bag by connection: a publisher's stream of messages on one topic.
+
+    `unknown`: number of messages whose connection is not described.
+    """
 
     def __init__(self) -> None:
         self._topics: dict[bytes, Topic] = {}
         self._publishers: dict[bytes, str] = {}
         self._batches: dict[bytes, Batch] = {}
+        self.unknown = 0
 
     def add_all(self, data: bytes) -> str | None:
         """Add the records in `data`.
 
         Return a text that says what is wrong with these records; None if nothing is.
         """
-        at, end = 0, len(data)
-        length_at = LENGTH.unpack_from
-        try:
-            while at < end:
-                header = at + LENGTH.size
-                begin = header + length_at(data, at)[0] + LENGTH.size
-                at = begin + length_at(data, begin - LENGTH.size)[0]
-                if at > end:
-                    return "its last record is cut"
-                self.add(_read_fields(data[header : begin - LENGTH.size]), data[begin:at])
-        except DAMAGE as error:
-            return f"{type(error).__name__}: {error}"
-        return None
+        problems: list[str] = []
+        for fields, content in records_in(data, problems.append):
+            try:
+                self.add(fields, content)
+            except DAMAGE:
+                problems.append("a record without the fields that it needs")
+        return problems[0] if problems else None
 
     def add(self, fields: dict[bytes, bytes], data: bytes) -> None:
         """Add one record: a message, or the description of a connection. Other records are ignored."""
@@ -188,7 +198,8 @@ class _Messages:
             if batch is None:
                 topic = self._topics.get(connection)
                 if topic is None:
-                    raise ValueError("messages of a topic that is not described")
+                    self.unknown += 1
+                    return
                 batch = self._batches[connection] = Batch(topic, publisher=self._publishers[connection])
             batch.count += 1
             if batch.topic.is_imu:
@@ -196,7 +207,7 @@ class _Messages:
                 batch.arrival_ns.append(seconds * 1_000_000_000 + nanoseconds)
                 batch.data.append(data)
         elif kind == Op.CONNECTION and connection not in self._topics:
-            header = _read_fields(data)
+            header = read_fields(data)
             name, kind_of = (one.decode(errors="replace") for one in (fields[b"topic"], header[b"type"]))
             schema = header.get(b"message_definition", b"")
             self._topics[connection] = Topic(name, kind_of, "ros1", schema)

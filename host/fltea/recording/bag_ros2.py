@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from fltea.recording.bag_files import PACKED
-from fltea.recording.bag_messages import DEFINITIONS, LONGEST_MESSAGE, Batch, Topic, encoding_of
+from fltea.recording.bag_messages import DEFINITIONS, LONGEST_MESSAGE, Batch, Topic, encoding_of, undescribed
 from fltea.recording.files import Note
 from fltea.recording.quota import Quota
 from fltea.recording.session import LATEST_NS
@@ -203,7 +203,7 @@ def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
     schemas: dict[int, tuple[str, bytes]] = {}
     topics: dict[int, Topic] = {}
     publishers: dict[int, str] = {}
-    scan = module.Scan(path, limits)
+    scan, unknown = module.Scan(path, limits), 0
     for item in scan:
         match item:
             case module.Schema():
@@ -220,6 +220,10 @@ def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
                     if number in topics:
                         rows = item.table[channels == number]
                         yield _batch_of(topics[number], publishers[number], item.data, rows, module)
+                    else:
+                        unknown += int((channels == number).sum())
+            case module.Damage(size=0):
+                yield Note("cut_recording", f"{path} {item.said}.")
             case module.Damage():
                 text = f"{path}: the record at byte {item.offset} is damaged ({item.text}) and left out."
                 yield Note("recording_gap", text)
@@ -228,6 +232,8 @@ def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
             f"{path}: ends without its index, so it was not closed, or is cut off; what can be read is used."
         )
         yield Note("cut_recording", text)
+    if unknown:
+        yield undescribed(path, unknown)
 
 
 def _batch_of(topic: Topic, publisher: str, data: bytes, table: Ints, module: ModuleType) -> Batch:

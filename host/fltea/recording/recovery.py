@@ -60,7 +60,8 @@ def _check_unused(path: Path, file: BinaryIO) -> None:
 def _examine(path: Path, limits: Limits) -> Recovered:
     """Count what can be recovered from a file.
 
-    Messages whose channel's description was in a damaged chunk cannot be recovered.
+    Messages whose channel's description was in a damaged chunk are recovered if the file's summary, at its
+    end, has the description too.
     """
     scan = Scan(path, limits)
     known: set[int] = set()
@@ -90,9 +91,9 @@ def _copy(path: Path, out: Path, limits: Limits) -> None:
             match item:
                 case Metadata():
                     writer.add_metadata(item.name, item.metadata)
-                case Schema():
+                case Schema() if item.id not in schemas:
                     schemas[item.id] = writer.register_schema(item.name, item.encoding, item.data)
-                case Channel():
+                case Channel() if item.id not in channels:
                     schema = schemas.get(item.schema_id, 0)
                     channels[item.id] = writer.register_channel(
                         item.topic, item.message_encoding, schema, item.metadata

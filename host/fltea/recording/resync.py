@@ -15,6 +15,9 @@ HEAD = struct.Struct("<BQ")
 DATA_END_BYTES = 4
 FOOTER = struct.Struct("<BQQQI")
 
+LONGEST_SUMMARY = 16 << 20
+"""If a summary is not where the file says, it is searched for in this number of bytes at the file's end."""
+
 PACKERS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
 """Names of the two methods of compression, as chunks store them. The search for the next chunk looks for
 these names, so the search cannot find chunks that are not compressed.
@@ -142,6 +145,35 @@ def data_end(file: BinaryIO, begin: int, size: int) -> int | None:
     if data[FOOTER.size :] != MCAP0_MAGIC or (kind, length) != (Opcode.FOOTER, FOOTER.size - HEAD.size):
         return None
     return summary if begin < summary <= at else None
+
+
+def summary_begin(file: BinaryIO, size: int) -> int | None:
+    """Return the offset of the file's summary, even if bytes before it are missing; None if there is none."""
+    end = size - FOOTER.size - len(MCAP0_MAGIC)
+    claimed = data_end(file, 0, size)
+    if claimed is None or _is_chain(file, claimed, end):
+        return claimed
+    begin = max(0, end - LONGEST_SUMMARY)
+    file.seek(begin)
+    tail, mark = file.read(end - begin), HEAD.pack(Opcode.DATA_END, DATA_END_BYTES)
+    place = tail.rfind(mark)
+    while place >= 0:
+        found = begin + place + HEAD.size + DATA_END_BYTES
+        if _is_chain(file, found, end):
+            return found
+        place = tail.rfind(mark, 0, place)
+    return None
+
+
+def _is_chain(file: BinaryIO, at: int, end: int) -> bool:
+    """Return whether records follow on each other from byte `at` to byte `end`."""
+    while at < end:
+        file.seek(at)
+        kind, length = HEAD.unpack(file.read(HEAD.size))
+        if not 0 < kind <= LAST_KIND:
+            return False
+        at += HEAD.size + length
+    return at == end
 
 
 def _data_at(file: BinaryIO, begin: int, size: int) -> int | None:

@@ -159,13 +159,13 @@ def _none(
     notes: list[Note],
     has: str = "",
 ) -> UsageError:
-    why = "".join(f" {note.text}" for note in notes[:1])
+    why = "".join(f" {note.text}" for note in (notes if len(notes) < 3 else [notes[0], notes[-1]]))
     if not topics:
         return UsageError(f"{path}: no messages of this bag can be read.{why}")
     if name is not None and any(layouts.values()):
         what = f"has no Imu messages of the topic {shown(name)}{has}"
     else:
-        known = "has no messages of the type sensor_msgs/Imu"
+        known = f"has no messages{' that can be read' if notes else ''} of the type sensor_msgs/Imu"
         what = f"{known}, nor any of another type, of JSON or of protobuf with a gyroscope's rates"
     return UsageError(f"{path}: {what}.{why} It holds:\n{_listed(topics)}")
 

@@ -27,6 +27,7 @@ from fltea.recording.resync import (
     chunk_length,
     data_end,
     next_chunk,
+    summary_begin,
 )
 from fltea.recording.session import LATEST_NS
 from fltea.records.errors import UsageError
@@ -137,6 +138,7 @@ class Scan:
         self._known = 0
         self._last = 0, 0  # offset of the newest record, and the length that its header states
         self._spent_bytes = 0
+        self._is_described = False
 
     def __iter__(self) -> Iterator[Item]:
         """Yield the contents of the file in the file's order.
@@ -169,6 +171,7 @@ class Scan:
                     if hole is None:
                         break
                     yield hole
+                    yield from self._described(file)
                     continue
                 if kind == Opcode.DATA_END:  # after this record come only summary and indexes
                     self.whole = _ends_with_magic(file, size)
@@ -248,6 +251,8 @@ class Scan:
             match kind:
                 case Opcode.CHUNK:
                     chunk = Chunk.read(stream)
+                    if not chunk.data and length > chunk_bytes(chunk):
+                        raise McapError("a chunk whose head is gone")
                     yield from _records(_unpacked(chunk, self._limits, place))
                     yield ChunkEnd()
                     self._known = max(self._known, offset + HEAD.size + chunk_bytes(chunk))
@@ -264,11 +269,29 @@ class Scan:
         except Exception as error:  # struct, zstandard and mcap raise errors of many types for damaged bytes
             self._known = max(self._known, offset + 1)
             self._spent_bytes += length
-            text = f"{type(error).__name__}: {error}"
+            text = str(error) if isinstance(error, McapError | ValueError) else "it cannot be decompressed"
             found = chunk_length(file, offset)
             if found is not None and found.by_fields > length:
                 text = f"a chunk that claims to have {length} bytes, but has {found.by_fields} by its fields"
             yield Damage(offset, text, HEAD.size + length)
+            yield from self._described(file)
+
+    def _described(self, file: BinaryIO) -> Iterator[Schema | Channel]:
+        """Yield the descriptions of channels in the file's summary, once: those before may be damaged."""
+        at = None if self._is_described else summary_begin(file, self._size)
+        self._is_described = True
+        while at is not None and self._size - at >= HEAD.size:
+            file.seek(at)
+            kind, length = HEAD.unpack(file.read(HEAD.size))
+            at += HEAD.size + length
+            if length > min(MAX_DESCRIPTION_BYTES, self._size) or kind == Opcode.FOOTER:
+                return
+            if kind in (Opcode.SCHEMA, Opcode.CHANNEL):
+                stream = ReadDataStream(BytesIO(file.read(length)))
+                try:
+                    yield Schema.read(stream) if kind == Opcode.SCHEMA else Channel.read(stream)
+                except (McapError, ValueError, struct.error, EOFError):
+                    return
 
 
 def _ends_with_magic(file: BinaryIO, size: int) -> bool:
