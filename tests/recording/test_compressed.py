@@ -7,9 +7,12 @@ import shlex
 import subprocess
 import sys
 import zipfile
+import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
+from fltea.archive.info import as_text, summarise
 from fltea.recording.formats import FORMATS
 from fltea.records.errors import UsageError
 from fltea.records.events import Trouble
@@ -132,6 +135,73 @@ def test_what_has_to_be_unpacked_first_is_told_with_the_command(
     command = str(caught.value).partition("unpack it first: ")[2].partition(". Inside")[0]
     subprocess.run(shlex.split(command), check=True)
     assert path.with_suffix("").read_bytes() == inside
+
+
+NPY = b"\x93NUMPY" + np.random.default_rng(1).bytes(2_000_000)
+"""Incompressible and of a format that is not read while it is compressed."""
+
+
+@pytest.mark.parametrize("packer", PACK)
+def test_the_command_for_a_file_that_is_cut_gives_what_is_left_of_it(packer: str, tmp_path: Path) -> None:
+    """`gzip -d` removes what it has written when the file ends too early."""
+    path = tmp_path / f"two words.npy.{packer}"
+    path.write_bytes(PACK[packer](NPY)[:-1000])
+    with pytest.raises(UsageError, match="it is cut off, and this unpacks what is left of it: ") as caught:
+        ReplaySource(path)
+    command = str(caught.value).partition("what is left of it: ")[2]
+    subprocess.run(command, shell=True, stderr=subprocess.DEVNULL, check=False)
+    left = path.with_suffix("").read_bytes()
+    assert len(left) > len(NPY) / 3
+    assert NPY.startswith(left)
+
+
+def test_the_command_works_for_a_name_without_the_usual_ending(tmp_path: Path) -> None:
+    """`gzip -d` refuses such a name."""
+    path = tmp_path / "rest.npy"
+    path.write_bytes(gzip.compress(NPY))
+    with pytest.raises(UsageError, match="unpack it first: ") as caught:
+        ReplaySource(path)
+    subprocess.run(str(caught.value).partition("unpack it first: ")[2], shell=True, check=True)
+    assert (tmp_path / "rest.npy.unpacked").read_bytes() == NPY
+
+
+@pytest.mark.parametrize("packer", [*PACK, "zip"])
+def test_a_file_that_is_cut_before_anything_can_be_decompressed(packer: str, tmp_path: Path) -> None:
+    """That it is empty would be untrue, and unpacking it would not help."""
+    path = tmp_path / f"rest.csv.{packer}"
+    if packer == "zip":
+        archive(path, rest=text("plain.csv"))
+    else:
+        path.write_bytes(PACK[packer](text("plain.csv")))
+    path.write_bytes(path.read_bytes()[:30])
+    reason = (
+        "is cut off or damaged: the list" if packer == "zip" else "is cut off, and nothing of what is left"
+    )
+    with pytest.raises(UsageError, match=rf"rest\.csv\.\w+: {reason}.* [Cc]opy it again") as caught:
+        ReplaySource(path)
+    assert "unpack" not in str(caught.value)
+
+
+def test_notes_name_the_file_that_the_user_named(tmp_path: Path) -> None:
+    """The library reads the content from a descriptor or a temporary file."""
+    path = tmp_path / "flight.ulg.gz"
+    data = gzip.compress(text("px4.ulg"))
+    path.write_bytes(data[: len(data) * 3 // 4])
+    texts = [one.message for one in ReplaySource(path).events() if isinstance(one, Trouble)]
+    assert len(texts) == 2
+    assert all(text.startswith(f"{path}: ") for text in texts)
+
+
+def test_own_output_that_is_cut_between_two_lines_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "rest.ndjson.gz"
+    packer = zlib.compressobj(wbits=31)
+    path.write_bytes(packer.compress(NDJSON) + packer.flush(zlib.Z_FULL_FLUSH))
+    events = list(ReplaySource(path).events())
+    assert len(samples_of(events)) == N
+    assert [one.message for one in events if isinstance(one, Trouble)] == [
+        f"{path}: is cut off; what can be decompressed is read."
+    ]
+    assert "fltea recover" not in as_text(summarise([path], 100))
 
 
 @pytest.mark.parametrize("kind", [kind for kind, form in FORMATS.items() if form.library])

@@ -158,3 +158,22 @@ def test_bags_that_were_changed_anywhere(
 @settings(max_examples=25)
 def test_any_bytes(kind: str, data: bytes, begin: int, whole_files: Files, folder: Path) -> None:
     read_anything(folder / f"any.{kind}", whole_files[kind][:begin] + data)
+
+
+@pytest.mark.parametrize("left", [0.5, 0.9])
+def test_a_packed_bag_that_is_cut_is_told_under_its_own_name(left: float, tmp_path: Path) -> None:
+    """It is decompressed to a temporary file, whose name tells nothing."""
+    (path,) = write_bag(tmp_path / "rest.db3", {"/imu": even(N)}, packed="file").glob("*.zstd")
+    cut = tmp_path / "cut.db3.zstd"
+    cut.write_bytes(path.read_bytes()[: int(path.stat().st_size * left)])
+    found = open_bag(cut)
+    assert found.samples > 100
+    assert all(note.text.startswith(f"{cut}: ") for note in found.notes)
+    assert f"{cut}: is cut off; what can be decompressed is read." in [note.text for note in found.notes]
+
+
+def test_a_packed_bag_of_which_nothing_is_left_says_that_it_is_cut(tmp_path: Path) -> None:
+    (path,) = write_bag(tmp_path / "rest.db3", {"/imu": even(N)}, packed="file").glob("*.zstd")
+    path.write_bytes(path.read_bytes()[:40])
+    with pytest.raises(UsageError, match=r"zstd: cannot be read as a bag \(it is cut off before anything"):
+        open_bag(path)

@@ -282,8 +282,8 @@ def _state(s: Summary) -> str:
     if s.being_written:
         faults.append("still being written")
     if not faults and not s.whole:
-        # `fltea recover` repairs only files that fltea wrote
-        remedy = "" if s.about or _is_foreign(s) else " (fltea recover)"
+        # other recordings have no index that `fltea recover` could write again
+        remedy = "" if s.session is None else " (fltea recover)"
         faults.append(f"not finished: killed, cut or damaged{remedy}")
     return ", ".join(faults) or "whole"
 

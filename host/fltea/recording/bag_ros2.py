@@ -11,7 +11,7 @@ import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from fltea.settings.limits import Limits
 
 AT_ONCE = 4096
 """Largest number of messages in a batch."""
+
+PIECE_BYTES = 1 << 10
+"""Number of compressed bytes that are decompressed at once: at most some 32 MB come out."""
 
 STEPS = 10_000
 """The time limit is checked again after this number of steps of SQLite's virtual machine."""
@@ -244,26 +247,36 @@ def _batch_of(topic: Topic, publisher: str, data: bytes, table: Ints, module: Mo
     return Batch(topic, len(table), arrival_ns, [data[begin:end] for begin, end in spans], publisher)
 
 
+class Unpacked(NamedTuple):
+    """A bag file to read. `is_cut`: whether it is a copy of compressed data that end too early."""
+
+    path: Path
+    is_cut: bool = False
+
+
 @contextlib.contextmanager
-def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
-    """Yield the path of a bag file. For a compressed file, it is the path of a temporary decompressed copy.
+def unpacked_file(path: Path, limits: Limits) -> Iterator[Unpacked]:
+    """Yield a bag file. A compressed one is decompressed to a temporary copy.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: the file is damaged.
+        ValueError: the file is damaged, or is cut off before anything of it can be decompressed.
         UsageError: the decompressed content is larger than the limits allow, or zstandard is not installed.
     """
     if path.suffix != PACKED:
-        yield path
+        yield Unpacked(path)
         return
     zstandard = load("zstandard", "zstandard", "ros", "Bags that are compressed by zstd need")
     with work_folder() as folder:
         out = folder / path.stem
         try:
             with open_file(path) as packed, named_file(out) as file:
-                quota = Quota(path, limits)
-                for piece in zstandard.ZstdDecompressor().read_to_iter(packed):
-                    quota.unpack(file.write(piece))
+                quota, unpacker = Quota(path, limits), zstandard.ZstdDecompressor().decompressobj()
+                while not unpacker.eof and (piece := packed.read(PIECE_BYTES)):
+                    quota.unpack(file.write(unpacker.decompress(piece)))
+                size = file.tell()
         except zstandard.ZstdError as error:
             raise ValueError(str(error)) from error
-        yield out
+        if not unpacker.eof and not size:
+            raise ValueError("it is cut off before anything of it can be decompressed; copy it again")
+        yield Unpacked(out, not unpacker.eof)

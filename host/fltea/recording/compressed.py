@@ -10,7 +10,7 @@ import shutil
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
-from typing import Any, cast
+from typing import Any, BinaryIO, cast
 
 from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Note, Stored, listed
@@ -20,18 +20,19 @@ from fltea.recording.ndjson import read_ndjson
 from fltea.recording.opening import Printed, check_options
 from fltea.recording.quota import Quota
 from fltea.recording.reader_process import open_in_process
+from fltea.recording.reading import NotStated
 from fltea.records.errors import UsageError
 from fltea.records.temporary import nameless_file
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
 
-PACKERS: dict[bytes, tuple[Any, str]] = {
-    b"\x1f\x8b": (gzip.open, "gzip -dk {}"),
-    b"BZh": (bz2.open, "bzip2 -dk {}"),
-    b"\xfd7zXZ": (lzma.open, "xz -dk {}"),
+PACKERS: dict[bytes, tuple[Any, str, str]] = {
+    b"\x1f\x8b": (gzip.open, "gzip", ".gz"),
+    b"BZh": (bz2.open, "bzip2", ".bz2"),
+    b"\xfd7zXZ": (lzma.open, "xz", ".xz"),
 }
-"""Key: the first bytes of a compressed file. Value: the function that opens such a file, and the command by
-which the user can decompress it.
+"""Key: the first bytes of a compressed file. Value: the function that opens such a file, the program by which
+the user can decompress it, and the ending that this program expects.
 """
 
 DAMAGE = (OSError, ValueError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, NotImplementedError)
@@ -64,35 +65,84 @@ def open_compressed(path: Path, how: How, limits: Limits) -> Stored | Printed:
         with contextlib.ExitStack() as stack:
             file = stack.enter_context(path.open("rb"))
             begin = file.peek()
-            opener, command = next(
-                (found for magic, found in PACKERS.items() if begin.startswith(magic)),
-                (None, "python3 -m zipfile -e {} ."),
+            opener, program, ending = next(
+                (found for magic, found in PACKERS.items() if begin.startswith(magic)), (None, "", "")
             )
-            command = command.format(shlex.quote(str(path)))
             if opener is not None:
                 stream, place = stack.enter_context(opener(file)), path
             else:
-                archive = stack.enter_context(zipfile.ZipFile(file))
-                member = _member(path, archive, command)
+                archive = stack.enter_context(_archive(path, file))
+                member = _member(path, archive, unpacking(path, program, ending))
                 stream, place = stack.enter_context(archive.open(member)), path / member.filename
             counted = _Counted(stream, quota)
             content = stack.enter_context(io.BufferedReader(cast(Any, counted), BUFFER_BYTES))
-            found = _open_inside(place, content, how, limits, f"unpack it first: {command}")
-            if not counted.is_cut or isinstance(found, Printed):
+            try:
+                found = _open_inside(place, content, how, limits)
+            except NotStated:
+                raise
+            except UsageError as error:
+                if not counted.is_cut and not isinstance(error, _Packed):
+                    raise
+                command = unpacking(path, program, ending, is_cut=counted.is_cut)
+                raise _refusal(path, place, error, counted, command) from error
+            if not counted.is_cut:
                 return found
-            note = Note("cut_recording", f"{path}: is cut off; what can be decompressed is read.")
-            return found._replace(notes=(note, *found.notes))
+            text = f"{path}: is cut off; what can be decompressed is read."
+            if isinstance(found, Printed):
+                return found._replace(cut=found.cut or text)
+            return found._replace(notes=(Note("cut_recording", text), *found.notes))
     except (*DAMAGE, RuntimeError) as error:
         raise UsageError(f"{path}: cannot be decompressed ({error}). Is the file whole?") from error
 
 
-def _open_inside(
-    place: Path, content: io.BufferedReader, how: How, limits: Limits, advice: str
-) -> Stored | Printed:
-    """Open the decompressed content of a file.
+class _Packed(UsageError):
+    """The content of a file cannot be read while it is compressed. `what`, `inside`: why, for a message."""
 
-    `place`: name of the content for messages. `advice`: what the user can do if the content is not readable.
+    def __init__(self, what: str, inside: str = "") -> None:
+        super().__init__(what)
+        self.what, self.inside = what, inside
+
+
+def _refusal(path: Path, place: Path, error: UsageError, counted: "_Counted", command: str) -> UsageError:
+    """Return the error for a file whose content cannot be read. `command`: what decompresses the file."""
+    if counted.is_cut and not counted.size:
+        return UsageError(
+            f"{path}: is cut off, and nothing of what is left can be decompressed: copy it again."
+        )
+    if isinstance(error, _Packed):
+        advice = "it is cut off, and this unpacks what is left of it" if counted.is_cut else "unpack it first"
+        return UsageError(f"{place}: {error.what}; {advice}: {command}{error.inside}")
+    text = "The file is cut off, and only what can be decompressed was looked at: copy it again."
+    return UsageError(f"{error} {text}")
+
+
+def unpacking(path: Path, program: str, ending: str, *, is_cut: bool = False) -> str:
+    """Return the command that decompresses a file.
+
+    The program refuses a name without its ending, and removes what it has written when a file is cut off.
+    `program`: "" for an archive.
     """
+    name = shlex.quote(str(path))
+    if not program:
+        return f"python3 -m zipfile -e {name} ."
+    if path.suffix == ending and not is_cut:
+        return f"{program} -dk {name}"
+    out = path.with_suffix("") if path.suffix == ending else path.with_name(f"{path.name}.unpacked")
+    return f"{program} -dc {name} > {shlex.quote(str(out))}"
+
+
+def _archive(path: Path, file: BinaryIO) -> zipfile.ZipFile:
+    try:
+        return zipfile.ZipFile(file)
+    except zipfile.BadZipFile as error:
+        raise UsageError(
+            f"{path}: is cut off or damaged: the list of its files is missing, which is at the end. "
+            "Copy it again."
+        ) from error
+
+
+def _open_inside(place: Path, content: io.BufferedReader, how: How, limits: Limits) -> Stored | Printed:
+    """Open the decompressed content of a file. `place`: name of the content for messages."""
     inner = place.with_suffix("") if KINDS.get(place.suffix.lower()) == "compressed" else place
     with nameless_file() as whole:
         try:
@@ -102,7 +152,7 @@ def _open_inside(
                 whole.seek(0)
                 kind = kind_of_file(inner, whole)
         except UsageError as error:
-            raise UsageError(f"{place}: is compressed; {advice}. Inside, {error}") from error
+            raise _Packed("is compressed", f". Inside, {error}") from error
         check_options(place, kind, how)
         if kind == "csv":
             return open_csv(place, how, limits, content)
@@ -110,9 +160,7 @@ def _open_inside(
             return Printed(*read_ndjson(place, limits=limits, file=content))
         if FORMATS[kind].reader:
             return open_in_process(kind, place, how, limits, whole)
-    raise UsageError(
-        f"{place}: holds {FORMATS[kind].title}, which is not read while it is compressed; {advice}"
-    )
+    raise _Packed(f"holds {FORMATS[kind].title}, which is not read while it is compressed")
 
 
 def _member(path: Path, archive: zipfile.ZipFile, command: str) -> zipfile.ZipInfo:
@@ -136,11 +184,11 @@ def _member(path: Path, archive: zipfile.ZipFile, command: str) -> zipfile.ZipIn
 class _Counted(io.RawIOBase):
     """Stream of decompressed data, whose length the quota limits.
 
-    `is_cut`: whether the compressed data end too early.
+    `is_cut`: whether the compressed data end too early. `size`: length of the data so far [bytes].
     """
 
     def __init__(self, stream: Any, quota: Quota) -> None:
-        self.is_cut = False
+        self.is_cut, self.size = False, 0
         self._stream, self._quota = stream, quota
 
     def readable(self) -> bool:
@@ -157,5 +205,6 @@ class _Counted(io.RawIOBase):
         except (*DAMAGE, RuntimeError) as error:
             raise OSError(f"damaged or cut off, {error}") from error
         self._quota.unpack(len(data))
+        self.size += len(data)
         buffer[: len(data)] = data
         return len(data)

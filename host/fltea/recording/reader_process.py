@@ -72,6 +72,9 @@ def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: Bina
                 return open_text(path, msgspec.json.decode(next(frames), type=TextHead), frames, how, limits)
             blocks = partial(_columns, process.stdin, frames)
             sheet = Sheet(**{name: getattr(head, name) for name in head.__struct_fields__}, blocks=blocks)
+            # in the reader process, the content may have another name than the one that the user gave
+            notes = (one._replace(text=one.text.replace(f"{place}: ", f"{path}: ", 1)) for one in sheet.notes)
+            sheet = replace(sheet, notes=tuple(notes))
             return open_sheet(path, sheet, how, limits)
 
 

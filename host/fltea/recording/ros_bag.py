@@ -211,17 +211,37 @@ def _batches(path: Path, limits: Limits) -> Iterator[Batch | Note]:
                 )
                 continue
             with unpacked_file(file, limits) as unpacked:
-                with unpacked.open("rb") as opened:
-                    begin = opened.read(len(ROS1))
-                if begin.startswith(ROS1):
-                    yield from read_ros1(unpacked, limits)
-                elif begin.startswith(MCAP):
-                    yield from read_mcap(unpacked, limits)
-                elif begin.startswith(SQLITE[: len(ROS1)]):
-                    yield from read_sqlite(unpacked, limits)
-                else:
-                    raise ValueError("it does not begin like a file of ROS 1, SQLite or MCAP")
+                yield from _under_its_name(file, unpacked.path, _read(unpacked.path, limits))
+                if unpacked.is_cut:
+                    text = f"{file}: is cut off; what can be decompressed is read."
+                    yield Note("cut_recording", text)
         except (OSError, ValueError) as error:
             if len(files) == 1:
                 raise UsageError(f"{file}: cannot be read as a bag ({error}).") from error
             yield Note("recording_gap", f"{file}: cannot be read ({error}), and is left out.")
+
+
+def _read(path: Path, limits: Limits) -> Iterator[Batch | Note]:
+    """Yield the messages of a file that is not compressed."""
+    with path.open("rb") as opened:
+        begin = opened.read(len(ROS1))
+    if begin.startswith(ROS1):
+        return read_ros1(path, limits)
+    if begin.startswith(MCAP):
+        return read_mcap(path, limits)
+    if begin.startswith(SQLITE[: len(ROS1)]):
+        return read_sqlite(path, limits)
+    raise ValueError("it does not begin like a file of ROS 1, SQLite or MCAP")
+
+
+def _under_its_name(file: Path, read: Path, items: Iterator[Batch | Note]) -> Iterator[Batch | Note]:
+    """Yield items with the user's name of a file, `file`, instead of that of its copy, `read`."""
+    try:
+        for item in items:
+            yield (
+                item._replace(text=item.text.replace(str(read), str(file)))
+                if isinstance(item, Note)
+                else item
+            )
+    except UsageError as error:
+        raise type(error)(str(error).replace(str(read), str(file))) from error
