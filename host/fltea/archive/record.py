@@ -36,7 +36,7 @@ def record(config: Config, seconds: float | None) -> str:
 
     Raises:
         UsageError: the source or the folder is wrong, or the source cannot be recorded.
-        FlteaError: not everything could be written.
+        FlteaError: not everything could be written, or nothing arrived that could be.
     """
     with StopOnSignal() as stop:
         if is_shared(config.source):
@@ -56,6 +56,8 @@ def record(config: Config, seconds: float | None) -> str:
             run.close()
         if run.lost:
             raise FlteaError(run.summary())
+        if run.is_empty:
+            raise FlteaError(f"{run.summary()}. Nothing arrived{run.why}.")
         return run.summary()
 
 
@@ -67,6 +69,7 @@ class _Recorder:
         self._sink = RecordSink(config.record.for_devices(1), self._name, self._report)
         self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, self._name)
         self._as_wire: AsWire | None = None
+        self._trouble: Trouble | None = None
         if isinstance(source, SerialSource):
             source.tap = self._sink.write
         else:
@@ -99,6 +102,16 @@ class _Recorder:
         """
         return self._sink.lost + self._source.link_stats().overflow_bytes
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether not even a byte arrived."""
+        return not (self._decoder.counts.delivered or self._source.link_stats().bytes)
+
+    @property
+    def why(self) -> str:
+        """The last trouble of the source, as the end of a sentence; "" if there was none."""
+        return "" if self._trouble is None else f": {self._trouble.message.removesuffix('.')}"
+
     def close(self) -> None:
         """Finish the file."""
         self._sink.close()
@@ -120,6 +133,7 @@ class _Recorder:
 
     def _records(self, event: Event) -> Iterator[AnyRecord | Block]:
         if isinstance(event, Trouble):
+            self._trouble = event
             self._say(f"{event.kind}: {event.message}")
             unix_ns = event.host_ns + self._source.unix_offset_ns
             yield Error(event.kind, event.message, unix_ns, device=self._name)
