@@ -32,8 +32,11 @@ def test_help_tells_exit_codes_and_every_flag(command: str | None, width: int) -
     result = fltea_here(*([command] if command else []), "--help", columns=width)
     assert (result.returncode, result.stderr) == (0, "")
     text = plain(result.stdout)
-    assert "Exit codes: 0: ended as asked. 1: failed while running. 2: the command line" in text
-    assert "130: interrupted by Ctrl-C." in text
+    is_ended = command in ("run", "record", "fleet", "inspect")
+    ended = ", also by Ctrl-C or SIGTERM" if is_ended else ""
+    assert f"Exit codes: 0: ended as asked{ended}. 1: failed while running. 2: the command line" in text
+    when = "before it had begun" if is_ended else "before the end"
+    assert f"130, 143: interrupted by Ctrl-C or SIGTERM {when}." in text
     if command is None:
         flags = ["--version", "--help", "-h", *COMMANDS]
     else:

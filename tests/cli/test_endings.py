@@ -57,6 +57,35 @@ def test_signal_ends_a_wait_between_rare_samples(number: signal.Signals) -> None
     assert [type(one) for one in records] == [Hello, Epoch, Fit, Stats]
 
 
+INTERRUPTED = """
+import os, sys
+from unittest import mock
+from fltea.cli.app import main
+number, place, *arguments = sys.argv[1:]
+sys.argv = ["fltea", *arguments]
+def stopped(*given, **named):
+    os.kill(os.getpid(), int(number))
+with mock.patch(place, side_effect=stopped):
+    main()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("out", [False, True], ids=["one", "table"])
+def test_a_signal_that_interrupts_gives_its_exit_code(
+    out: bool, number: signal.Signals, tmp_path: Path
+) -> None:
+    """The command handles SIGTERM, too, since it has processes to end."""
+    (tmp_path / "rest.csv").write_text("gyro_x_dps\n" + "1\n2\n" * 100)
+    command = ["identify", tmp_path / "rest.csv", "--jobs", "1"]
+    command += ["--out", tmp_path / "v.parquet"] if out else ["--rate", "100"]
+    place = "fltea.cluster.run.run" if out else "fltea.identification.run.identify_all"
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED, str(int(number)), place, *command], capture_output=True, text=True
+    )
+    assert (done.returncode, "Traceback" in done.stderr) == (128 + number, False), done.stderr
+
+
 def piped(text: str) -> tuple[int, bytes, bytes]:
     """Return exit code, output and errors of a run whose samples come through a pipe."""
     flags = ["--once", "--samples", "--columns", "gx", "--units", "dps"]

@@ -5,6 +5,7 @@ the signal stops it at once.
 import signal
 
 import pytest
+from fltea.process.interrupted import Interrupted
 from fltea.process.stop_on_signal import StopOnSignal
 
 
@@ -23,9 +24,9 @@ def test_signals_are_counted_and_ring_the_wake_up() -> None:
 
 
 def test_before_it_is_armed_a_signal_interrupts() -> None:
-    with StopOnSignal() as stop, pytest.raises(KeyboardInterrupt):
+    with StopOnSignal() as stop, pytest.raises(Interrupted) as caught:
         signal.raise_signal(signal.SIGTERM)
-    assert not stop.asked
+    assert (stop.asked, caught.value.code) == (False, 143)
 
 
 def test_a_program_started_by_nohup_outlives_its_terminal() -> None:

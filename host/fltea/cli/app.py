@@ -29,8 +29,14 @@ from fltea.wire import layout as wire
 
 EXIT_CODES = (
     "Exit codes: 0: ended as asked. 1: failed while running. 2: the command line, the configuration or an "
-    "input file is wrong. 130: interrupted by Ctrl-C."
+    "input file is wrong. 130, 143: interrupted by Ctrl-C or SIGTERM before the end."
 )
+ENDED_BY_CTRL_C = (
+    "Exit codes: 0: ended as asked, also by Ctrl-C or SIGTERM. 1: failed while running. 2: the command line, "
+    "the configuration or an input file is wrong. 130, 143: interrupted by Ctrl-C or SIGTERM before it had "
+    "begun."
+)
+"""Exit codes of commands that go on until they are ended."""
 
 HELP = ["-h", "--help"]
 
@@ -267,4 +273,4 @@ COMMANDS = (
     bench,
 )
 for command in COMMANDS:
-    app.command(epilog=EXIT_CODES)(command)
+    app.command(epilog=ENDED_BY_CTRL_C if command in (run, record, fleet, inspect) else EXIT_CODES)(command)

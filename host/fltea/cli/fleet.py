@@ -1,5 +1,6 @@
 """The command `fltea fleet`."""
 
+import contextlib
 import signal
 import time
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from fltea.cli.option_groups import takes_groups
 from fltea.cli.output import escaped, say
 from fltea.cli.setting_flags import ConfigFile, takes_settings
 from fltea.cli.standard_output import silence_stdout
+from fltea.process.interrupted import Interrupted, interrupt
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings import duration
 from fltea.settings.extras import load
@@ -260,9 +262,12 @@ def _print(running: "Fleet", every_s: float | None) -> None:
             raise FlteaError(f"no broker answered within {FIRST_S:g} s.")
         _settle(running, SETTLED_S)
         line()
-        while every_s is not None:
-            _turn(running, every_s)
-            line()
+        if every_s is not None:
+            signal.signal(signal.SIGTERM, interrupt)
+            with contextlib.suppress(KeyboardInterrupt, Interrupted):
+                while True:
+                    _turn(running, every_s)
+                    line()
     except BrokenPipeError:
         silence_stdout()
     finally:

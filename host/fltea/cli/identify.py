@@ -21,6 +21,7 @@ from fltea.cli.option_groups import flags_in_use, takes_groups
 from fltea.cli.output import end_with, escaped, print_result, progress_bar, say
 from fltea.cli.setting_flags import FILTERS, RECORDING, takes_settings
 from fltea.identification.dask_address import trust_warning
+from fltea.process.interrupted import Interrupted
 from fltea.records.errors import FlteaError, Incomplete, UsageError
 from fltea.records.whole_file import prepare_folder
 from fltea.settings.extras import load
@@ -219,7 +220,7 @@ def _interrupt_once(number: int, frame: object) -> None:
     """End the run. Ignore further Ctrl-C, since they would disturb the clean-up of a second or two."""
     for one in (signal.SIGINT, signal.SIGTERM):
         signal.signal(one, signal.SIG_IGN)
-    raise KeyboardInterrupt
+    raise Interrupted(number)
 
 
 def _workers(jobs: int | None, dask: str | None, recordings: int = 0) -> "Workers":

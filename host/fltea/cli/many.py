@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fltea.cli.output import say
+from fltea.process.interrupted import Interrupted, interrupt
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.visible import visible_lines
 from fltea.settings.extras import load
@@ -59,7 +60,7 @@ def identify_many(files: Sequence[str], out: Path, ask: Any, open_workers: "Call
     from fltea.cluster.listing import files_of
     from fltea.cluster.run import run
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, interrupt)
     table = table_module.VerdictTable(out, ask.digest())
     begin = time.monotonic()
     try:
@@ -69,7 +70,7 @@ def identify_many(files: Sequence[str], out: Path, ask: Any, open_workers: "Call
                 done = run(files_of(files), ask, workers, table, report)
         finally:
             workers.close()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Interrupted):
         say(f"fltea: {out}: stopped. The same command goes on with the files that are not in the table.")
         raise
     finally:

@@ -4,13 +4,14 @@ import contextlib
 import signal
 from types import FrameType
 
+from fltea.process.interrupted import Interrupted
 from fltea.process.wake_up import WakeUp
 
 
 class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
     """Makes SIGINT, SIGTERM and SIGHUP ask the program to end.
 
-    While `armed` is false, the signals raise KeyboardInterrupt instead.
+    While `armed` is false, the signals raise Interrupted instead.
 
     `count`: number of signals so far. `wake_up`: flag that is set when the end is asked for. A
     `threading.Event` in place of this flag could hang: if a second signal came while the first is handled,
@@ -36,7 +37,7 @@ class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if not self.armed:
-            raise KeyboardInterrupt
+            raise Interrupted(number)
         self.count += 1
         self.ask()
 

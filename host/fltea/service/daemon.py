@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from fltea.process.date_watch import DateWatch
+from fltea.process.interrupted import Interrupted
 from fltea.process.stop_on_signal import StopOnSignal
 from fltea.records.errors import FlteaError, Incomplete, SourceFailed
 from fltea.records.ports import Source
@@ -48,7 +49,7 @@ def run(configs: Sequence[Config]) -> None:
     with StopOnSignal() as stop:
         try:
             failure, done = _Run(configs, stop).run()
-        except KeyboardInterrupt:  # a signal arrived while sources and outputs were being opened
+        except Interrupted:  # a signal arrived while sources and outputs were being opened
             return
     if not done:  # `os._exit` is used, since a normal exit would wait for a thread that hangs in an output
         if failure is not None:
