@@ -37,7 +37,7 @@ BASES = {
     "flash": ["flash", "--dry-run", "--method", "bossac", "--erase-unknown-board", "--port", "/dev/null"],
     "fleet": ["fleet", "--mqtt", "127.0.0.1:1", "--json"],
     "inspect": ["inspect", "rest.npz"],
-    "simulate": ["simulate", "out.csv", "-n", "20", "--window", "20"],
+    "simulate": ["simulate", "out.csv", "-n", "20", "--window", "20", "--force"],
     "reproduce": ["reproduce", "--table", "9"],
     "bench": ["bench", "--repetitions", "1"],
 }
@@ -68,7 +68,7 @@ WHOLE = {
     "settings": [*BASES["run live"], "-c"],
     "settings of a fleet": ["fleet", "--json", "-c"],
     "state": [*FAST, "--pace", "fast", "-s", "synthetic:?n=60", "--state"],
-    "model": ["simulate", "out.csv", "-n", "10", "--model"],
+    "model": ["simulate", "out.csv", "-n", "10", "--force", "--model"],
     "password": ["fleet", "--mqtt", "127.0.0.1:1", "--listen", "0", "--password-file"],
     "image": [
         "flash",
@@ -204,7 +204,7 @@ def test_a_file_that_is_read_whole_may_be_anything(kind: str) -> None:
 
 
 WRITES = {
-    "simulate": (["simulate", "out.csv", "-n", "20", "--window", "20"], ["out.csv"]),
+    "simulate": (["simulate", "out.csv", "-n", "20", "--window", "20", "--force"], ["out.csv"]),
     "export": (["export", "rest.npz", "--to", "out.npz", "--force"], ["out.npz"]),
     "run": ([*FAST, "--pace", "fast", "-s", "synthetic:?n=120", "--state", "state"], ["state"]),
     "record": (["record", "-s", "synthetic:?n=100", "--for", "0.1", "kept"], ["kept/*.mcap"]),
@@ -238,7 +238,7 @@ REPLACED = {
     "--imu-yaml": ([*IDENTIFY, "--imu-yaml", "imu.yaml"], "imu.yaml"),
     "--allan-csv": ([*IDENTIFY, "--allan-csv", "a.csv"], "a.csv"),
     "a file of --report": ([*IDENTIFY, "--report", "folder"], "folder/report.html"),
-    "simulate": (["simulate", "out.csv", "-n", "20", "--window", "20"], "out.csv"),
+    "simulate": (["simulate", "out.csv", "-n", "20", "--window", "20", "--force"], "out.csv"),
     "--to": (["export", "rest.npz", "--to", "out.npz", "--force"], "out.npz"),
     "--to as CSV": (["export", "rest.npz", "--to", "out.csv", "--force"], "out.csv"),
     "--export": (["fleet", "--history", "old.db", "--export", "fits.parquet"], "fits.parquet"),

@@ -28,7 +28,7 @@ build bud --quiet --pull-never -f tools/deploy/Containerfile -t fltea "$out" >"$
 container=$(build from --pull-never fltea)
 inside() { build run "$container" -- "$@"; }
 [ "$(inside id -un)" = fltea ] || refuse "the image runs as another user"
-inside fltea simulate record.npz --alpha 0.5 --f -1 -n 2000 --seed 1
+inside fltea simulate record.npz --alpha 0.5 --f -1 -n 2000 --seed 1 --force
 inside fltea run --source replay:record.npz --once --set live.on=false >"$work/container.ndjson"
 grep -q '"class":"estimate"' "$work/container.ndjson" ||
     refuse "the daemon in the image says nothing"

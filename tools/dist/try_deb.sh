@@ -19,7 +19,7 @@ apt-get update -q
 apt-get install -q -y --no-install-recommends /tmp/fltea.deb
 test -z "$(dpkg --verify fltea)"
 fltea --version
-fltea simulate /tmp/record.npz --alpha 0.5 --f -1 -n 2000 --seed 1
+fltea simulate /tmp/record.npz --alpha 0.5 --f -1 -n 2000 --seed 1 --force
 fltea run --source replay:/tmp/record.npz --once --set live.on=false >/tmp/run.ndjson
 grep -q '"class":"estimate"' /tmp/run.ndjson
 fltea identify /tmp/record.npz --channels gyro_x --shuffles 1 --jobs 2 >/tmp/verdict.txt

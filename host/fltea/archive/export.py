@@ -22,7 +22,7 @@ from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.records.events import Values
 from fltea.records.sensor_kind import SENSOR_KINDS
-from fltea.records.whole_file import text_of, whole_file
+from fltea.records.whole_file import check_outputs, text_of, whole_file
 from fltea.settings.duration import Duration
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -66,6 +66,7 @@ def export(
         raise UsageError(f"--to {out}: give a name that ends in .csv or .npz.")
     if not force and os.path.lexists(out):  # a broken symbolic link counts as existing, too
         raise UsageError(f"--to {out}: exists already; give another name, or --force to replace it.")
+    check_outputs([("--to", out)], [(path, "the recording") for path in paths])
     with whole_file(out) as file:
         # files of other programs hold no published records
         was_published = what not in ("samples", "corrected")

@@ -25,6 +25,7 @@ from fltea.records.errors import FlteaError, UsageError, of_input
 from fltea.records.scarce import check_address_space, is_scarcity, scarcity
 from fltea.records.secret import refuse_secrets
 from fltea.records.version import __version__
+from fltea.records.whole_file import check_outputs
 from fltea.wire import layout as wire
 
 EXIT_CODES = (
@@ -225,6 +226,7 @@ def simulate(
             help="Simulate the models of this file, which `fltea identify --export-model` wrote.",
         ),
     ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")] = False,
 ) -> None:
     """Simulate noise of known order α, constant or varying: y = x + v, D^α x = f x + ω.
 
@@ -242,6 +244,9 @@ def simulate(
     from fltea.identification.simulation_file import write_model_simulation, write_simulation
     from fltea.sources.synthetic import NoiseSettings
 
+    check_outputs([("", out)], [(model, "the model")] if model else [])
+    if not force and os.path.lexists(out):  # a broken symbolic link counts as existing, too
+        raise UsageError(f"{out}: exists already; give another name, or --force to replace it.")
     if lsb is not None and not lsb > 0:
         raise UsageError(f"simulate: --lsb has to be above 0, not {lsb:g}.")
     settings = NoiseSettings(alpha, f, q, r, offset, rate, lsb or 0.0, full_scale, seed, window, n)

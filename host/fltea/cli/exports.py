@@ -4,7 +4,6 @@ No file is written for a recording that is marked bad, since the programs that r
 """
 
 import math
-import os.path
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from fltea.cli.output import say
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import AXES
+from fltea.records.whole_file import check_outputs
 
 if TYPE_CHECKING:
     from fltea.documents.imu_yaml import Inflation
@@ -53,16 +53,18 @@ class Files(NamedTuple):
         """The flags with which the user asks for files."""
         return list(self.asked)
 
-    def check(self, recordings: Iterable[str]) -> None:
-        """Check that no file would replace one of the recordings.
+    def check(self, recordings: Iterable[str | Path], config: Path | None) -> None:
+        """Check that no file would replace one of the recordings, the configuration or another file.
 
         Raises:
             UsageError: one would.
         """
-        inputs = {os.path.realpath(one) for one in recordings}
-        for flag, path in self.asked.items():
-            if os.path.realpath(path) in inputs:
-                raise UsageError(f"{flag} {path}: is the recording itself. Name another file.")
+        from fltea.recording.bag_files import files_of
+
+        paths = [Path(one) for one in recordings]
+        paths += [file for folder in paths if folder.is_dir() for file in files_of(folder)]
+        inputs = [(one, "the recording") for one in paths]
+        check_outputs(self.asked.items(), [*inputs, *([(config, "the configuration")] if config else [])])
 
 
 def parse_inflation(text: str | None, wanted: object) -> Inflate:

@@ -2,6 +2,7 @@
 
 import contextlib
 import signal
+import stat
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from fltea.cli.setting_flags import ConfigFile, takes_settings
 from fltea.cli.standard_output import silence_stdout
 from fltea.process.interrupted import Interrupted, interrupt
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.whole_file import check_outputs
 from fltea.settings import duration
 from fltea.settings.extras import load
 from fltea.settings.login_file import read_login
@@ -292,10 +294,13 @@ def _settle(running: "Fleet", quiet_s: float) -> None:
 
 
 def _export(history: Path | None, postgres: str | None, out: Path) -> None:
-    if postgres is None and (history is None or not history.is_file()):
+    if postgres is None and history is None:
         raise UsageError(
             "--export: no history is named: give --history FILE, the file of a fleet, or --postgres URL."
         )
+    if postgres is None and history is not None:
+        _check_history(history)
+        check_outputs([("--export", out)], [(history, "the history")])
     load("pyarrow", "pyarrow", "tables", "Parquet files need")
     from fltea.fleet.databases import Postgres, Sqlite
     from fltea.fleet.history import TABLES
@@ -311,6 +316,24 @@ def _export(history: Path | None, postgres: str | None, out: Path) -> None:
             f"--export {out}: cannot be written ({error.strerror or error}). Is the folder there, may it be "
             "written to, and is there room on the disk?"
         ) from error
+
+
+def _check_history(path: Path) -> None:
+    """Raise UsageError unless the history to export is a file. As elsewhere, a link is not followed."""
+    try:
+        mode = path.lstat().st_mode
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise UsageError(
+            f"--history {path}: cannot be read ({reason}). Name the file that `fltea fleet --history` keeps."
+        ) from error
+    if stat.S_ISLNK(mode):
+        raise UsageError(f"--history {path}: is a link; name the file that it leads to: {path.resolve()}.")
+    if not stat.S_ISREG(mode):
+        what = "folder" if stat.S_ISDIR(mode) else "pipe or a device"
+        raise UsageError(
+            f"--history {path}: is a {what}, and not the file that `fltea fleet --history` keeps."
+        )
 
 
 def _seconds(flag: str, text: str) -> float:

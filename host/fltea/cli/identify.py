@@ -74,10 +74,11 @@ def identify(
         _identify_to_table(files, out, options, config, work)
         return
     exported = export.files()
-    exported.check(files)
+    exported.check(files, shown.config)
     if shown.report is not None:
         prepare_folder("--report", shown.report)
     requests = _requests(files, config, accel=export.has_both_sensors)
+    exported.check([path for one in requests for path in getattr(one, "paths", ())], shown.config)
     for_one = [*exported.flags, *flags_in_use(export, "for_program")]
     if len(requests) > 1 and for_one:
         raise UsageError(f"{', '.join(for_one)}: only for a single recording; you gave {len(requests)}.")

@@ -164,7 +164,9 @@ class ExportOptions:
     export_model: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Write the noise model of one recording, for `fltea simulate --model`."
+            metavar="FILE",
+            help="Write the noise model of one recording, for `fltea simulate --model`. This and the next "
+            "files replace existing ones, but never a recording.",
         ),
     ] = None
     imu_yaml: Annotated[

@@ -21,7 +21,7 @@ from fltea.cluster.listing import JOURNAL, File
 from fltea.cluster.rows import VALUE_COLUMNS, Row
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.own_file import open_own
-from fltea.records.whole_file import whole_file
+from fltea.records.whole_file import make_folder, whole_file
 
 JOURNAL_BYTES = 8_000_000
 """Longest journal [bytes], about ten thousand rows; the next start of the program reads it into memory."""
@@ -67,7 +67,7 @@ class VerdictTable:
         if strange:
             raise UsageError(f"{folder}: holds {strange[0]!r}, which does not belong to a table of verdicts.")
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            make_folder(folder)
             self._journal = open_own(folder / JOURNAL, 0o666, append=True)
         except OSError as error:
             where = error.filename or folder / JOURNAL

@@ -1,11 +1,17 @@
-"""Write each file as a whole or not at all, even in folders to which other programs may write."""
+"""Write each file as a whole or not at all, even in folders to which other programs may write.
+
+A link at the name of a file is never followed: a result replaces it, and a file that is written to repeatedly
+(see `own_file`) must not be one. A folder that a user names may be a link to a folder, such as one on a
+larger disk.
+"""
 
 import contextlib
+import errno
 import io
 import os
 import secrets
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
@@ -50,6 +56,32 @@ def whole_file(out: Path) -> Iterator[BinaryIO]:
             part.unlink(missing_ok=True)
 
 
+def check_outputs(outputs: Iterable[tuple[str, Path]], inputs: Iterable[tuple[str | Path, str]]) -> None:
+    """Check that no output of a command would replace one of its inputs or another output.
+
+    `outputs`: flag and file of each. `inputs`: file of each, and what it is, such as "the recording". Links
+    are followed, since their target may be meant.
+
+    Raises:
+        UsageError: one would.
+    """
+    taken = {_identity(path): f"{what} itself" for path, what in inputs}
+    for flag, path in outputs:
+        key = _identity(path)
+        if key in taken:
+            raise UsageError(f"{flag} {path}: is {taken[key]}. Name another file.".lstrip())
+        taken[key] = f"the file of {flag}, too" if flag else "written twice"
+
+
+def _identity(path: str | Path) -> tuple[int, int] | str:
+    """Return what is equal for two names of one file, also for hard links."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):  # there is no such file
+        return os.path.realpath(path)
+    return status.st_dev, status.st_ino
+
+
 def _check_replaceable(out: Path) -> None:
     """Refuse to replace anything but a file: root could replace /dev/null and so break the system."""
     try:
@@ -70,6 +102,19 @@ def text_of(file: BinaryIO) -> Iterator[TextIO]:
     text.detach()
 
 
+def make_folder(folder: Path) -> None:
+    """Create a folder that a user names, with the folders above it, if it does not exist.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        reason = "it is a file" if folder.exists() else "it is a link to nothing"
+        raise FileExistsError(errno.EEXIST, reason, str(folder)) from error
+
+
 def prepare_folder(flag: str, folder: Path) -> None:
     """Create the folder that a command-line flag names, and check that it can be written to.
 
@@ -79,7 +124,7 @@ def prepare_folder(flag: str, folder: Path) -> None:
         UsageError: the folder cannot be written to.
     """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         nameless_file(folder).close()
     except (OSError, TemporaryFailed) as error:
         reason = error.reason if isinstance(error, TemporaryFailed) else _reason(error)

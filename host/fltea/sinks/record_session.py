@@ -17,6 +17,7 @@ from fltea.records.errors import UsageError
 from fltea.records.events import Ints, Reads
 from fltea.records.records import AnyRecord, Hello
 from fltea.records.version import __version__
+from fltea.records.whole_file import make_folder
 
 MOST_NOTES = 100
 """Largest number of HELLO messages that are written as metadata of one file. The number is limited since the
@@ -132,7 +133,7 @@ class Session:
         self._started = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         self.parts = 0
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
+            make_folder(self.folder)
         except OSError as error:
             raise UsageError(
                 f"--record {self.folder}: the folder cannot be made ({error.strerror})."
@@ -176,5 +177,5 @@ class Session:
         if place != self.folder.absolute():
             if disk != self._disk:
                 raise OSError(errno.ENODEV, NO_DISK)
-            self.folder.mkdir(parents=True, exist_ok=True)
+            make_folder(self.folder)
         self._disk = disk
