@@ -138,6 +138,9 @@ def test_numbers_have_the_digits_that_show_their_sides() -> None:
 def test_a_sheet_is_a_number_too() -> None:
     spelled = (
         "0.007",
+        "0,007",
+        ",007",
+        "7,0 mdps/√Hz",
         "0.007dps/rtHz",
         "0.007 dps/√Hz",
         "7mdps/sqrt(Hz)",
@@ -164,6 +167,8 @@ def test_a_sheet_is_a_number_too() -> None:
         ("7", "no gyroscope has 7 (deg/s)/√Hz"),
         ("0", "no gyroscope has 0 (deg/s)/√Hz"),
         ("nan", "is known. Known are"),
+        ("1,500 mdps/√Hz", "the comma may separate thousands or decimals"),
+        ("7,00,0", "is known. Nearest: "),
         ("0.007 furlong/√Hz", "is known. Known are"),
         ("0.3 deg/√h", "is known. Known are"),
     ],

@@ -65,7 +65,9 @@ BEST, WORST = 1e-7, 1.0
 GIVEN = "given by --sheet"
 """Name of the data sheet in texts if the user gave a density instead of a gyroscope's name."""
 
-_NUMBER = re.compile(r"\s*(?P<number>(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(?P<unit>.*)", re.IGNORECASE)
+_NUMBER = re.compile(r"\s*(?P<number>(?:\d+[.,]?\d*|[.,]\d+)(?:e[+-]?\d+)?)\s*(?P<unit>.*)", re.IGNORECASE)
+_THOUSANDS = re.compile(r"\s*[1-9]\d{0,2}(,\d{3})+(?![\d,])")
+"""Matches a number such as 1,500, in which the comma may separate thousands or decimals."""
 _PER_ROOT_HZ = re.compile(r"hz\W*$", re.IGNORECASE)
 
 SheetKind = Literal["better", "as good", "noisier", "not known"]
@@ -89,8 +91,8 @@ class SheetComparison(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def sheet_name(text: str) -> str:
     """Return a gyroscope's name as it stands in `SHEETS`, or a density in (deg/s)/√Hz as text of a number.
 
-    Dashes and capitals in a name do not matter. A density is written as `0.007`, `0.007dps/rtHz` or `7
-    mdps/√Hz`.
+    Dashes and capitals in a name do not matter. A density is written as `0.007`, `0,007`, `0.007dps/rtHz` or
+    `7 mdps/√Hz`.
 
     Raises:
         UsageError: the gyroscope is not known, or no gyroscope has this density.
@@ -100,6 +102,11 @@ def sheet_name(text: str) -> str:
     for its, name in names.items():
         if plain in (its, its.removesuffix("P")):
             return name
+    if _THOUSANDS.match(text):
+        raise UsageError(
+            f"--sheet {text}: the comma may separate thousands or decimals. Write a decimal point: a "
+            "number in dps/√Hz or with its unit, as in --sheet 0.007 or --sheet 7mdps/rtHz."
+        )
     density = _density(text)
     if density is not None and BEST <= density <= WORST:
         return f"{density:g}"
@@ -123,7 +130,7 @@ def _density(text: str) -> float | None:
     found = _NUMBER.fullmatch(text)
     if found is None:
         return None
-    number, unit = float(found["number"]), found["unit"].strip()
+    number, unit = float(found["number"].replace(",", ".")), found["unit"].strip()
     if not unit:
         return number
     # a figure in deg/√h is not a density: it is N, and the one-sided density is √2 N
