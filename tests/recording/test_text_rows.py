@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fltea.recording.csv_file import open_csv
 from fltea.recording.raw_lines import LONGEST_LINE
 from fltea.recording.table import Rows
 from fltea.recording.text_numbers import RowParser
-from fltea.recording.text_rows import TextReader
+from fltea.recording.text_rows import TextReader, is_cut_number
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from hypothesis import given, settings
@@ -268,3 +269,38 @@ def test_a_unit_in_objects_of_json_is_stated(tmp_path: Path, beside: dict[str, o
     assert [one.evidence for one in found.reading if one.question == "unit"] == ["stated"]
     with pytest.raises(UsageError, match=r"--units rad/s says otherwise"):
         stored(tmp_path, lines, units="rad/s")
+
+
+TAIL = [b"0.%02d,0.12%d" % (k, k) for k in range(10)]
+
+
+@pytest.mark.parametrize(
+    ("last", "is_cut"),
+    [
+        (b"0.10,0.1234", False),
+        (b"0.10,0.123", False),
+        (b"0.10,0.12", True),
+        (b"0.10,-0.", True),
+        (b"0.10,0", True),
+        (b"0.10,-", True),
+        (b"0.10,1e-05", False),
+        (b"0.10,", False),
+        (b"end", False),
+        (b"", False),
+    ],
+)
+def test_a_number_at_the_end_of_a_cut_file_is_not_read_without_its_last_digits(
+    last: bytes, is_cut: bool
+) -> None:
+    assert is_cut_number(last, TAIL) == is_cut
+    assert not is_cut_number(last, TAIL[:2])
+    assert not is_cut_number(last, [*TAIL, b"0.1,0.4"]), "decimals vary"
+
+
+def test_a_file_that_is_cut_within_its_last_number_leaves_the_row_out(tmp_path: Path) -> None:
+    text = "time_s,gyro_x_dps\n" + "".join(f"{k / 100:.2f},{k * 7 % 11 / 7:.4f}\n" for k in range(50))
+    path = tmp_path / "rest.csv"
+    for lacking, rows, notes in ((1, 50, 0), (2, 49, 1), (5, 49, 1)):
+        path.write_text(text[:-lacking])
+        found = open_csv(path)
+        assert (found.samples, len(found.notes)) == (rows, notes)

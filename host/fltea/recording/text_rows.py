@@ -34,6 +34,11 @@ object over several lines, or columns as pandas writes them.
 """
 
 
+TAIL_BYTES, FEWEST_BEFORE = 2000, 5
+DECIMALS = re.compile(rb"\d\.(\d+)\s*$")
+"""Matches the end of a number with decimals at the end of a line."""
+
+
 class TextReader:
     """Converts bytes of a text to rows. `where`: file, for messages. `how`: the user's options on columns.
 
@@ -49,6 +54,7 @@ class TextReader:
     def __init__(self, where: str, how: How, head: Sequence[str] = ()) -> None:
         self.bad = BadLines()
         self.cut: Note | None = None
+        self._tail = b""
         self.lines = 0
         self.most_before = math.inf
         self.notes: list[Note] = []
@@ -136,6 +142,8 @@ class TextReader:
         If the line that has not ended yet is too long, count it.
         """
         found = [] if whole is None else self._take(whole)
+        if whole:
+            self._tail = whole[-TAIL_BYTES:]
         if self._buffer.drops_too_long():
             self.lines += 1
             why = f"the line has no end within {LONGEST_LINE} bytes. Is it another kind of file, or damaged?"
@@ -152,11 +160,13 @@ class TextReader:
         if self._buffer.is_cut:
             self.cut = Note("cut_recording", f"{self._where}: the last message is cut off, and left out.")
         before = self.bad.copy()
-        if rest:
+        is_cut = bool(self.chosen) and is_cut_number(rest, self._tail.split(b"\n")[1:])
+        if rest and not is_cut:
             found += self._take(rest)
         for held in self._plain.finish():
             found += self._rows_in(held)
-        if not found and self.chosen is not None and self.bad.counts != before.counts:
+        self.lines += is_cut
+        if is_cut or (not found and self.chosen is not None and self.bad.counts != before.counts):
             self.bad = before
             text = f"{self._where}:{self.lines}: the last line is cut off, and left out."
             self.cut = Note("cut_recording", text)
@@ -325,6 +335,21 @@ class TextReader:
             if end > begin:
                 ordinal, begins = self._numbers.take(end - begin)
                 pieces.append(Rows(numbers[begin:end], values[begin:end], ordinal, begins))
+
+
+def is_cut_number(last: bytes, before: list[bytes]) -> bool:
+    """Return whether the number at the end of a file's last line seems to lack digits.
+
+    `last`: the line, which has no line end. `before`: the lines before it. If their last numbers all have the
+    same number of decimals, a number with fewer is cut. Without this, 0. would be read for 0.397.
+    """
+    others = [DECIMALS.search(line) for line in before]
+    usual = {len(one[1]) for one in others if one is not None}
+    number = re.search(rb"[-+]?\d*(?:\.(\d*))?$", last)
+    if None in others or len(others) < FEWEST_BEFORE or len(usual) > 1 or number is None or not number[0]:
+        return False
+    is_power = last[number.start() - 1 : number.start()] in (b"e", b"E")
+    return not is_power and len(number[1] or b"") < min(usual)
 
 
 def _by_run(pieces: list[Rows]) -> list[Rows]:
