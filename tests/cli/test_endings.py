@@ -77,8 +77,8 @@ def test_a_signal_that_interrupts_gives_its_exit_code(
 ) -> None:
     """The command handles SIGTERM, too, since it has processes to end."""
     (tmp_path / "rest.csv").write_text("gyro_x_dps\n" + "1\n2\n" * 100)
-    command = ["identify", tmp_path / "rest.csv", "--jobs", "1"]
-    command += ["--out", tmp_path / "v.parquet"] if out else ["--rate", "100"]
+    command = ["identify", str(tmp_path / "rest.csv"), "--jobs", "1"]
+    command += ["--out", str(tmp_path / "v.parquet")] if out else ["--rate", "100"]
     place = "fltea.cluster.run.run" if out else "fltea.identification.run.identify_all"
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPTED, str(int(number)), place, *command], capture_output=True, text=True

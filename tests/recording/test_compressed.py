@@ -175,7 +175,9 @@ def test_a_file_that_is_cut_before_anything_can_be_decompressed(packer: str, tmp
         path.write_bytes(PACK[packer](text("plain.csv")))
     path.write_bytes(path.read_bytes()[:30])
     reason = (
-        "is cut off or damaged: the list" if packer == "zip" else "is cut off, and nothing of what is left"
+        "is cut off or damaged: what stands at the end"
+        if packer == "zip"
+        else "is cut off, and nothing of what is left"
     )
     with pytest.raises(UsageError, match=rf"rest\.csv\.\w+: {reason}.* [Cc]opy it again") as caught:
         ReplaySource(path)

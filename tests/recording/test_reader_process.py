@@ -119,7 +119,9 @@ def test_json_in_json_without_end(tmp_path: Path) -> None:
     path.write_bytes(b'[{"a":' * 100_000)
     assert "a.json: cannot be read as JSON" in refusal(path)
     path.write_bytes(b'[{"a": 1},')
-    assert refusal(path).endswith("a.json: cannot be read as JSON (Input data was truncated).")
+    assert refusal(path).endswith(
+        "a.json: cannot be read as JSON (Input data was truncated). Is the file whole?"
+    )
     path.write_text(json.dumps([{"sensor": "Barometer", "seconds_elapsed": "1"}]))
     assert "is a file of the app Sensor Logger, but has no gyroscope; it has Barometer" in refusal(path)
 

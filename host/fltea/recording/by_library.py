@@ -58,7 +58,7 @@ def main(limits: str, descriptor: str, kind: str, path: str, topic: str) -> None
         if is_scarcity(error):
             sys.exit(OUT_OF_MEMORY)
         reason = str(error).partition("\n")[0] or type(error).__name__
-        _fail(out, f"cannot be read as {FORMATS[kind].title} ({reason}).")
+        _fail(out, f"cannot be read as {FORMATS[kind].title} ({reason}). Is the file whole?")
 
 
 def _send(out: BinaryIO, limits: ProcessLimits, data: bytes) -> None:

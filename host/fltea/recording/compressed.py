@@ -136,8 +136,7 @@ def _archive(path: Path, file: BinaryIO) -> zipfile.ZipFile:
         return zipfile.ZipFile(file)
     except zipfile.BadZipFile as error:
         raise UsageError(
-            f"{path}: is cut off or damaged: the list of its files is missing, which is at the end. "
-            "Copy it again."
+            f"{path}: is cut off or damaged: what stands at the end of such a file is missing. Copy it again."
         ) from error
 
 

@@ -273,6 +273,8 @@ class Joined(RawIOBase):
         inside = self._place - self._at[place]
         self._file.seek(self._parts[place].begin + inside)
         left = self._parts[place].end - self._parts[place].begin - inside
-        count = self._file.readinto(memoryview(buffer)[: min(len(buffer), left)])  # type: ignore[attr-defined]
+        data = self._file.read(min(len(buffer), left))
+        count = len(data)
+        buffer[:count] = data
         self._place += count
         return count
