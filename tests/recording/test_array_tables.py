@@ -79,6 +79,30 @@ def test_npy_with_fields_is_read_by_their_names(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("lacking", [1, 24, 24 * 100 + 3])
+def test_the_whole_rows_of_a_cut_npy_are_read(lacking: int, tmp_path: Path) -> None:
+    path = tmp_path / "a.npy"
+    np.save(path, GYRO)
+    path.write_bytes(path.read_bytes()[:-lacking])
+    found = open_npy(path, How(units="dps", rate_hz=100.0))
+    rows = N - -(-lacking // 24)
+    assert found.whole().gyro.tolist() == GYRO[:rows].tolist()
+    assert [note.text for note in found.notes] == [
+        f"{path}: is cut off: {rows} of {N} rows are whole, and are read."
+    ]
+
+
+@pytest.mark.parametrize(("order", "left"), [("F", 2000), ("C", 10)])
+def test_a_cut_npy_without_a_whole_row_says_that_it_is_cut(order: str, left: int, tmp_path: Path) -> None:
+    path = tmp_path / "a.npy"
+    np.save(path, np.asarray(GYRO, order=order))  # type: ignore[call-overload]
+    path.write_bytes(path.read_bytes()[: 128 + left])
+    with pytest.raises(
+        UsageError, match=r"a\.npy: cannot be read as \.npy \(it is cut off, and .* copy it again"
+    ):
+        open_npy(path, How(units="dps", rate_hz=100.0))
+
+
 ALONE = 0.02 * GYRO + [0.1, -0.2, 9.81]
 
 BAD_NPY = {

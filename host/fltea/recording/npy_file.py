@@ -1,13 +1,15 @@
 """Reads .npy files. An array's columns are named by their positions from 1, or by the array's fields."""
 
+import math
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.lib import format
 from numpy.typing import NDArray
 
-from fltea.recording.files import Stored
+from fltea.recording.files import Note, Stored
 from fltea.recording.npz_arrays import KINDS
 from fltea.recording.readers.arrays import of_arrays
 from fltea.recording.sheet import open_sheet, with_sample
@@ -26,7 +28,7 @@ def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
     Raises:
         UsageError: the file holds no such array, the unit is unknown, or `open_sheet` refuses the columns.
     """
-    array, said = _mapped(path), how
+    array, missing, said = *_mapped(path), how
     if array.dtype.names is not None:
         sheet = of_arrays({"": array})
     else:
@@ -37,6 +39,9 @@ def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
             how = msgspec.structs.replace(how, columns=rest)
         sheet = of_arrays(dict(zip(names, columns, strict=True)))
     stored = open_sheet(path, with_sample(sheet), how, limits)
+    if missing:
+        text = f"{path}: is cut off: {len(array)} of {len(array) + missing} rows are whole, and are read."
+        stored = stored._replace(notes=(Note("cut_recording", text), *stored.notes))
     if how is said:
         return stored
     why = "columns without names, at most as many as a gyroscope has axes"
@@ -47,9 +52,12 @@ def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
     return stored._replace(reading=tuple(answers))
 
 
-def _mapped(path: Path) -> NDArray[Any]:
+def _mapped(path: Path) -> tuple[NDArray[Any], int]:
+    """Return the array in a file, and the number of rows that are missing since the file is cut off."""
     try:
-        found: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+        cut = _cut(path)
+        found: NDArray[Any]
+        found, missing = cut or (np.load(path, mmap_mode="r", allow_pickle=False), 0)
         if not isinstance(found, np.ndarray):
             found.close()
             raise ValueError("it is an archive of arrays; call it .npz")
@@ -60,8 +68,29 @@ def _mapped(path: Path) -> NDArray[Any]:
         raise UsageError(f"{path}: holds the type {found.dtype}, which is not a type of numbers.")
     if found.ndim not in ((1,) if found.dtype.names is not None else (1, 2)) or not found.size:
         raise UsageError(f"{path}: has the shape {found.shape}; (samples,) or (samples, columns) is needed.")
-    if found.ndim == 2 and found.shape[1] > found.shape[0]:
+    if found.ndim == 2 and found.shape[1] > found.shape[0] + missing:
         raise UsageError(
             f"{path}: has the shape {found.shape}: rows have to be samples, so save its transpose (array.T)."
         )
-    return found
+    return found, missing
+
+
+def _cut(path: Path) -> tuple[NDArray[Any], int] | None:
+    """Return the whole rows of a file that is cut off, and the number of its other rows; None if it is whole.
+
+    Raises:
+        ValueError: it is cut off, and no row is whole.
+    """
+    with path.open("rb") as file:
+        version = format.read_magic(file)
+        read = format.read_array_header_1_0 if version == (1, 0) else format.read_array_header_2_0
+        shape, is_fortran, dtype = read(file)
+        begin, size = file.tell(), file.seek(0, 2)
+    row_bytes = dtype.itemsize * math.prod(shape[1:])
+    if dtype.hasobject or not row_bytes or not shape or size - begin >= row_bytes * shape[0]:
+        return None
+    rows = (size - begin) // row_bytes
+    if not rows or (is_fortran and len(shape) > 1):
+        what = "it stands column by column, so that no row is" if rows else "no row is"
+        raise ValueError(f"it is cut off, and {what} whole; copy it again")
+    return np.memmap(path, dtype, "r", begin, (rows, *shape[1:])), shape[0] - rows
