@@ -244,21 +244,29 @@ def simulate(
     from fltea.identification.simulation_file import write_model_simulation, write_simulation
     from fltea.sources.synthetic import NoiseSettings
 
-    check_outputs([("", out)], [(model, "the model")] if model else [])
-    if not force and os.path.lexists(out):  # a broken symbolic link counts as existing, too
-        raise UsageError(f"{out}: exists already; give another name, or --force to replace it.")
+    _check_simulation(context, out, model, force=force)
     if lsb is not None and not lsb > 0:
         raise UsageError(f"simulate: --lsb has to be above 0, not {lsb:g}.")
     settings = NoiseSettings(alpha, f, q, r, offset, rate, lsb or 0.0, full_scale, seed, window, n)
     if model is not None:
-        sources = {name: context.get_parameter_source(name) for name in GIVEN_BY_MODEL}
-        given = [name for name, source in sources.items() if source and source.name == "COMMANDLINE"]
-        if given:
-            flags = ", ".join("--" + name.replace("_", "-") for name in given)
-            raise UsageError(f"--model says what the noise is, so leave out {flags}.")
         write_model_simulation(out, model, settings)
     else:
         write_simulation(out, settings, alpha if alpha_end is None else alpha_end, axes)
+
+
+def _check_simulation(context: typer.Context, out: Path, model: Path | None, *, force: bool) -> None:
+    """Raise UsageError if flags exclude each other, or if a file would be replaced that must not be.
+
+    A model is never replaced, any other file only with --force.
+    """
+    sources = {name: context.get_parameter_source(name) for name in GIVEN_BY_MODEL}
+    given = [name for name, source in sources.items() if source and source.name == "COMMANDLINE"]
+    if model is not None and given:
+        flags = ", ".join("--" + name.replace("_", "-") for name in given)
+        raise UsageError(f"--model says what the noise is, so leave out {flags}.")
+    check_outputs([("", out)], [(model, "the model")] if model else [])
+    if not force and os.path.lexists(out):  # a broken symbolic link counts as existing, too
+        raise UsageError(f"{out}: exists already; give another name, or --force to replace it.")
 
 
 COMMANDS = (

@@ -3,12 +3,13 @@
 from fltea.recording.raw_lines import LONGEST_LINE
 from fltea.recording.text_decoding import TextDecoder
 
+TAIL_BYTES = 2000
+
 
 class LineBuffer:
     """Keeps the bytes of a line that has not ended yet.
 
-    `partial`: number of parts of lines that were dropped since the connection to the sender began or was lost
-    within a line.
+    `tail`: last bytes of the lines so far. `has_end`: whether the text ends with a line end.
     """
 
     def __init__(self) -> None:
@@ -17,6 +18,7 @@ class LineBuffer:
         self._decoder = TextDecoder()
         self._rest = b""
         self._skipping = False
+        self.tail, self.has_end = b"", True
 
     @property
     def pending_bytes(self) -> int:
@@ -52,6 +54,7 @@ class LineBuffer:
     def finish(self) -> bytes:
         """Return the last line of the text, which may lack a line end."""
         rest, self._rest = self._rest + self._decoder.finish(), b""
+        self.has_end = not rest or rest.endswith(b"\n")
         return rest.removesuffix(b"\n")
 
     def drops_too_long(self) -> bool:
@@ -78,4 +81,5 @@ class LineBuffer:
             self._rest += data
             return None
         whole, self._rest = self._rest + whole, rest
+        self.tail = b"\n".join(filter(None, (self.tail, whole[-TAIL_BYTES:])))[-TAIL_BYTES:]
         return whole

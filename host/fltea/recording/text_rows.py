@@ -34,7 +34,7 @@ object over several lines, or columns as pandas writes them.
 """
 
 
-TAIL_BYTES, FEWEST_BEFORE = 2000, 5
+FEWEST_BEFORE = 5
 DECIMALS = re.compile(rb"\d\.(\d+)\s*$")
 """Matches the end of a number with decimals at the end of a line."""
 
@@ -54,7 +54,6 @@ class TextReader:
     def __init__(self, where: str, how: How, head: Sequence[str] = ()) -> None:
         self.bad = BadLines()
         self.cut: Note | None = None
-        self._tail = b""
         self.lines = 0
         self.most_before = math.inf
         self.notes: list[Note] = []
@@ -142,8 +141,6 @@ class TextReader:
         If the line that has not ended yet is too long, count it.
         """
         found = [] if whole is None else self._take(whole)
-        if whole:
-            self._tail = whole[-TAIL_BYTES:]
         if self._buffer.drops_too_long():
             self.lines += 1
             why = f"the line has no end within {LONGEST_LINE} bytes. Is it another kind of file, or damaged?"
@@ -160,7 +157,8 @@ class TextReader:
         if self._buffer.is_cut:
             self.cut = Note("cut_recording", f"{self._where}: the last message is cut off, and left out.")
         before = self.bad.copy()
-        is_cut = bool(self.chosen) and is_cut_number(rest, self._tail.split(b"\n")[1:])
+        is_cut = self.chosen is not None and not self._buffer.has_end
+        is_cut = is_cut and is_cut_number(rest, self._buffer.tail.split(b"\n")[1:])
         if rest and not is_cut:
             found += self._take(rest)
         for held in self._plain.finish():
