@@ -5,6 +5,7 @@ description of its channels in the parts before it. The library for TDMS reads n
 part is damaged. It is given the whole parts alone, as one file.
 """
 
+import re
 import struct
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
@@ -32,6 +33,12 @@ OF_DAQMX = 0x1269, 0x126A, 0x69120000, 0x69130000
 SIZES = {**dict(enumerate((0, 1, 2, 4, 8, 1, 2, 4, 8, 4, 8))), 25: 4, 26: 8, 33: 1, 68: 16, 0x08000C: 8}
 SIZES[0x10000D] = 16
 """Length of one value [bytes], by the number of its type."""
+
+NAME = re.compile(rb"/|(/'([^']|'')*'){1,2}", re.DOTALL)
+"""Matches the name of an object: the file, a group, or a channel of a group."""
+
+LONGEST_BLOCK = 1 << 48
+"""Longest block of data that a description may claim [bytes]."""
 
 TEXT = 32
 """Type of texts, each of which begins with its length."""
@@ -183,6 +190,9 @@ class _Channels:
         if now is None:
             return False
         block = sum(one or 0 for one in now.values())
+        # only of a part that is cut may a block be longer than the file
+        if block > (len(content) if end <= len(content) else LONGEST_BLOCK):
+            return False
         if None not in now.values() and is_checked and ((end - data) % block if block else end - data):
             return False
         self._now = now
@@ -198,7 +208,7 @@ def _described(data: bytes, order: str) -> Iterator[tuple[bytes, int, int | None
     (count,), at = struct.unpack_from(f"{order}I", data), 4
     for _ in range(count):
         name, at = _text(data, at, order)
-        if not name.startswith(b"/"):
+        if not NAME.fullmatch(name):
             raise ValueError
         (index,), at = struct.unpack_from(f"{order}I", data, at), at + 4
         length: int | None = None
