@@ -102,15 +102,15 @@ class _LogScan:
 
     def run(self) -> None:
         """Go through the log from message to message, and search for the next one where none follows."""
-        at, content = 0, self._content
+        at = 0
         while at < self._size:
             end = self._end(at)
-            if end and (end == self._size or content[end : end + len(HEAD)] == HEAD):
+            if end and self._follows(end):
                 self._take(at)
                 at = end
                 continue
             following = self._search(at + 1)
-            if end and end <= following and not self._may_be_another(at, following):
+            if end and end <= following and self._is_sure(at, end, following):
                 self._take(at)
                 at = end
                 continue
@@ -119,9 +119,23 @@ class _LogScan:
             self._holes.append((at, following))
             at = following
 
-    def _may_be_another(self, at: int, end: int) -> bool:
-        """Return whether the number of a message's kind may be wrong: another kind would fill the bytes."""
-        return self._content[at + 2] != FORMAT_KIND and end - at in self._lengths.values()
+    def _follows(self, end: int) -> bool:
+        """Return whether another message, padding or the end of the log follows at byte `end`."""
+        begin = self._content[end : end + len(HEAD)]
+        if begin == HEAD or HEAD.startswith(begin):
+            return True
+        return self._size - end < MOST_PADDING and not self._content[end:].strip(b"\0\xff")
+
+    def _is_sure(self, at: int, end: int, following: int) -> bool:
+        """Return whether a message is whole although no message follows on it, but first at `following`.
+
+        It is if only the head of the next message is damaged, which fills the bytes between. Otherwise bytes
+        of this message may be missing, or the number of its kind may be wrong, so that it would be read with
+        bytes of another one. Descriptions of formats are checked by themselves.
+        """
+        known = self._lengths.values()
+        is_next = following - end in known and following - at not in known
+        return self._content[at + 2] == FORMAT_KIND or is_next
 
     def _take(self, at: int) -> None:
         kind = self._content[at + 2]
@@ -161,7 +175,7 @@ class _LogScan:
         begin = at
         while (at := self._content.find(HEAD, at)) >= 0:
             end = self._end(at)
-            if end and (end == self._size or self._content[end : end + len(HEAD)] == HEAD):
+            if end and self._follows(end):
                 break
             at += 1
         self._searched = begin, at if at >= 0 else self._size
