@@ -111,8 +111,9 @@ TEST_CASE_FIXTURE(Bench, "Wire's own time-out is told from a NACK by its length"
 TEST_CASE_FIXTURE(Bench,
                   "a line that gets stuck at any byte of a read is a time-out, and the next read is whole") {
     bus.recover();
-    // `after`: number of bytes that are read before the line gets stuck. With 0, the line gets stuck at the
-    // address, the register or the repeated START. With 14, it gets stuck at the STOP.
+    // `after`: number of bytes that arrive before the line gets stuck. 0: it gets stuck before the first byte
+    // (at the address, the register or the repeated START). 14: it gets stuck after the last byte, at the
+    // STOP.
     for (int after = 0; after <= 14; ++after) {
         CAPTURE(after);
         uint8_t data[14] = {};

@@ -75,7 +75,7 @@ struct Alone {
     AxisEstimator estimator;
     size_t axis;
     uint32_t at, collected = 0;
-    // the device knows of no sampling instants from never_from to never_to - 1
+    // the sampling instants from never_from to never_to - 1 are left out, as if they had never been
     uint32_t never_from = 0, never_to = 0;
 
     Alone(size_t axis, uint32_t first) : axis(axis), at(first) { estimator.begin(); }
@@ -100,7 +100,8 @@ struct Alone {
 
 bool always(uint32_t) { return true; }
 
-// Compares all fields of two ESTIMATEs, except the flag `skipped`, which depends on the queue.
+// Compares an ESTIMATE of the device (a) with the expected one (b). The flag `skipped` of a is ignored: it
+// says that the queue of samples was full, and the expected results are made without a queue.
 void check_same(const Estimate& a, const Estimate& b) {
     CHECK((a.flags & ~flags::skipped) == b.flags);
     CHECK(a.alpha == b.alpha);

@@ -35,9 +35,9 @@ class FakeClock final : public fltea::Clock {
 // The rate that a FakeChip returns for gyro_x when its registers are not as required.
 constexpr int16_t kWrong = 0x5A5A;
 
-// An MPU-9250 as the driver sees it. Its register numbers are typed by hand from the register map. Every
-// burst differs from the burst before, unless `frozen` is set. In a burst, accel_x is the number of resets
-// and losses of supply so far (`life`), and gyro_x is kWrong if the registers were not as required.
+// An MPU-9250 as the driver sees it. Its register numbers are typed by hand from the register map. A burst
+// (one read of all measured values) differs from the burst before, unless `frozen` is set. In a burst,
+// accel_x counts resets and losses of supply (`life`). gyro_x is kWrong if a register was not as required.
 class FakeChip {
   public:
     uint8_t who_am_i = 0x71;
@@ -147,7 +147,7 @@ class FakeChip {
     bool resetting_ = false;
 };
 
-// Largest duration of recover(), which sends nine clock pulses and a STOP.
+// Longest time that recover() of an I2cBus takes [us], while it sends nine clock pulses and a STOP.
 constexpr uint64_t kRecoverUs = 900;
 
 class FakeBus final : public fltea::I2cBus {

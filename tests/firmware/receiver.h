@@ -114,7 +114,8 @@ class Receiver {
   private:
     static constexpr size_t kMaxBlock = 252;
 
-    // Damage in the first block is counted as "partial": the block may have begun before the port was opened.
+    // Damage in the first block (the bytes before the first zero) is counted as "partial": the block may have
+    // begun before the port was opened.
     void count(const std::string& reason) {
         if (reason == "refused") {
             ++refused;

@@ -73,13 +73,13 @@ class Rig {
     fltea::Hello hello() const { return message_of<fltea::Hello>(sink.of<fltea::Hello>().back()); }
     fltea::Status status() const { return message_of<fltea::Status>(sink.of<fltea::Status>().back()); }
 
-    // Returns the number of FAULT frames with this code so far. fault_detail() returns the detail of the last
-    // of them.
+    // Returns the number of FAULT frames with this code so far.
     int fault_count(fltea::FaultCode code) const {
         int n = 0;
         for (const Frame& frame : faults()) n += message_of<fltea::Fault>(frame).code == code;
         return n;
     }
+    // Returns the detail of the last FAULT with this code, or 0 if there is none.
     uint32_t fault_detail(fltea::FaultCode code) const {
         uint32_t detail = 0;
         for (const Frame& frame : faults()) {

@@ -35,5 +35,6 @@ void run(fltea::I2cBus& bus, fltea::ByteSink& sink, fltea::Clock& clock, const f
 fltea::ResetCause cause(uint32_t rsttyp) { return fltea::reset_cause_from_rsttyp(rsttyp); }
 uint32_t line() { return fltea::settings::kLineBaud + fltea::settings::kI2cHz; }
 
-// This limit is for the machine that runs the tests, where pointers are twice as long as on the Due.
+// The limit for the machine that runs the tests, where pointers are twice as long as on the Due, so that an
+// Application is larger.
 static_assert(sizeof(fltea::Application) <= size_t(45) * 1024, "the core's share of the RAM");

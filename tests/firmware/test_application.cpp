@@ -251,8 +251,8 @@ TEST_CASE(
     "application: the ends of 2^32 milliseconds and of 2^32 instants, after 49 and 497 days, are no event") {
     for (SamplingMode mode : {SamplingMode::timer, SamplingMode::data_ready}) {
         for (uint64_t end_us : {kWrap * kMs, kWrap * kPeriodUs}) {
-            // In data-ready mode, four billion edges would take too long to simulate, so 2^32 instants are
-            // tested in timer mode only. Edges are numbered in the same way.
+            // In data-ready mode, 2^32 instants are four billion edges, which would take too long to
+            // simulate. So these are tested in timer mode only. Edges are numbered in the same way.
             if (mode == SamplingMode::data_ready && end_us > kWrap * kMs) continue;
             CAPTURE(end_us);
             Rig rig(mode);

@@ -69,8 +69,8 @@ def run(build: Path, *arguments: str, mode: str = "timer") -> Run:
 def lost(run: Run) -> tuple[list[str], int, int]:
     """Pass the frames of a run to the host's sequence tracker.
 
-    Return three results of a run: the reasons for which epochs (stretches with one numbering of samples)
-    began, the number of lost samples, and the number of samples that were delivered in epochs.
+    Return the reasons for which epochs began, and two numbers of samples: of those that were lost, and of
+    those that were delivered in epochs.
     """
     place = Decoder(lambda: 0, max_gap=10**6)
     reasons: list[str] = []

@@ -58,7 +58,7 @@ TEST_CASE(
         }
         REQUIRE(seen.last_us == seen.count * 10000);
         ++(seen.count == 5 ? before : after);
-        if (before > 50) break;  // the simulated interrupt now comes after the read
+        if (before > 50) break;  // from here on, the interrupt comes after the read of the edges
     }
     CHECK(after > 10);
     CHECK(before > 50);

@@ -157,9 +157,9 @@ TEST_CASE(
             const Estimate estimate = estimate_of(rig.estimates().back());
             CHECK((estimate.flags & fltea::estimate_flags::skipped) != 0);
             CHECK(estimate.age < estimate.sample - settings::kStartup + 1u);
-            // Because samples are skipped, the estimates do not fall behind without limit. The newest
-            // estimate is behind by about the samples of a full queue (32) and those between two ESTIMATEs.
-            // The test allows three times as many.
+            // Samples are skipped, so that the estimates do not fall behind without limit. The newest
+            // ESTIMATE is behind the newest sample by a full queue (32 samples) and the samples between two
+            // ESTIMATEs. The test allows three times that many.
             const int behind = int(rig.samples().back().sequence) - int(estimate.sample);
             CHECK(behind <= 3 * 32 + 3 * settings::kEstimateEvery);
             CHECK(int(rig.status().cpu_share) > 5000);

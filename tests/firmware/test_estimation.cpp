@@ -155,8 +155,8 @@ TEST_CASE("estimation: begin() leaves nothing of what was under way") {
         CAPTURE(steps);
         Device device;
         device.run(0, kStartup + 20);
-        // begin() is called at the worst time: some axes have been processed across a gap, other axes have
-        // not, and more samples wait in the queue.
+        // begin() is called after `steps` steps of work. Some axes have then been processed across the gap,
+        // other axes have not, and more samples wait in the queue.
         for (uint32_t instant : {kStartup + 25, kStartup + 26, kStartup + 27}) device.add(instant);
         for (int i = 0; i < steps; ++i) device.step();
         device.estimation.begin();

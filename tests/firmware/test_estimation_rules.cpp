@@ -88,8 +88,8 @@ TEST_CASE(
     counts[499] = -6;
     CHECK(!baseline_of(counts).constant());
     CHECK(baseline_of(counts).variance() == 1.0f / 12.0f);
-    // If 46 of 500 counts differ by 1, the variance is 0.0837. That is the first value above the lower limit
-    // of 1/12, which is the variance of rounding.
+    // Now 46 of the 500 samples are larger by 1 than the others, so the variance is 0.0837. With 45 of them,
+    // it would be below the lower limit of 1/12, which is the variance of rounding.
     for (size_t i = 0; i < 46; ++i) counts[i] = -6;
     CHECK(baseline_of(counts).variance() > 1.0f / 12.0f);
 }
@@ -102,8 +102,9 @@ TEST_CASE("supervisor: more than 50 of the last 200 held withdraw an axis, 25 or
         std::vector<bool> held;
         bool distrusted = false;
         for (int k = 0; k < 1500; ++k) {
-            // The guard limits the state at many samples for a while, then at few. The proportion of limited
-            // samples passes slowly through both limits of the supervisor's rule.
+            // For a while, the guard limits the state at many samples, and then at few. So the number of
+            // limited samples among the last 200 passes slowly through both limits of the supervisor's rule,
+            // 50 and 25.
             held.push_back(random(1000) < static_cast<uint32_t>(250 + 250 * std::sin(0.01 * k + run)));
             const size_t first = held.size() > 200 ? held.size() - 200 : 0;
             const long count = std::count(held.begin() + static_cast<long>(first), held.end(), true);

@@ -131,9 +131,9 @@ TEST_CASE(
         CHECK_FALSE(rig.bus.stale);
         CHECK(rig.bus.recoveries == 1);
         CHECK(rig.status().bus_recoveries == 0);
-        // A byte that is left in the controller does not spoil the set-up: the set-up reads registers one by
-        // one, and the repeated read of a register gives the right byte. The set-up therefore succeeds, and
-        // the first reading of the guard registers, which is longer, detects the error.
+        // A byte that is left in the controller shifts the bytes of later reads. The set-up still succeeds:
+        // it reads one register at a time, and the repeated read of a register gives the right byte. Then the
+        // first read of the guard registers, which reads several bytes, detects the error.
         CHECK(rig.status().i2c_errors == (begins == Begins::in_set_up ? 6 : 0));
         CHECK(rig.hello().sensor_starts == (begins == Begins::before_boot ? 1 : 2));
         CHECK(rig.hello().who_am_i == 0x71);
@@ -170,8 +170,8 @@ TEST_CASE("recovery: ten equal bursts in a row are no data: said, and the sensor
         const size_t n = rig.samples().size();
         rig.chip.stopped = true;
         rig.run(100 * kMs);
-        // The bursts equal the last one before the chip stopped. The ninth burst after that one is therefore
-        // the tenth equal burst in a row, and is not sent.
+        // Since the chip stopped, all bursts equal the last one before. Together with that one, the ninth of
+        // them is the tenth equal burst in a row, and is not sent.
         REQUIRE(rig.samples().size() == n + 8);
         for (size_t i = n; i < n + 8; ++i) {
             CHECK(message_of<fltea::Sample>(rig.samples()[i]).flags == fltea::sample_flags::repeated);

@@ -6,8 +6,8 @@
 
 namespace {
 
-// Fits of three axes in slices, and separate spectra of the same three axes, from which fits without slices
-// are made.
+// `fit`: the fits of three axes that are tested; they run in slices. `alone`: a spectrum of each axis, from
+// the same samples. From these spectra, the expected results are computed without slices.
 struct Fitting {
     std::unique_ptr<NoiseFit> fit{new NoiseFit};
     std::vector<std::unique_ptr<Octaves>> alone;
@@ -103,7 +103,8 @@ TEST_CASE("noise fit: what it says is what the spectrum and the fit say without 
             CHECK(said.used == f.alone[axis]->counts().used);
         }
     }
-    // After the first fit, a round of fits follows every kFitEvery samples.
+    // The first fit comes after 1,000 samples. After a round of fits (one for each axis), at least kFitEvery
+    // samples pass until the next round.
     REQUIRE(f.fits.size() >= 3 * 27);
     CHECK(first_fit(f) == 1000);
     for (size_t i = 3; i < f.fits.size(); ++i) {

@@ -45,8 +45,8 @@ TEST_CASE("noise fit: a board that was moved in its start-up window fits as one 
 
 namespace {
 
-// An estimation after its start-up window, and `expected`: a spectrum that the test computes from the samples
-// that the estimation has to use.
+// `estimation`: the estimation that is tested, after its start-up window. `expected`: the spectrum that it
+// should have, which the test computes from the samples that the estimation has to use.
 struct Followed {
     std::unique_ptr<fltea::Estimation> estimation{new fltea::Estimation};
     std::vector<Octaves> expected{1};
@@ -162,9 +162,9 @@ TEST_CASE("noise fit: slices stay within their share of the time, and no sample 
                 before_slice = nullptr;
                 check_every_sample(rig);
                 REQUIRE(begun_us.size() > 100);
-                // The fits may take kFitShare per cent of the time. In any four seconds, they take no more
-                // than this percentage of five seconds, because the allowance of one second may have been
-                // saved before. The last slice may exceed that.
+                // The fits may take kFitShare per cent of the time. What they do not use in one second is
+                // saved for later. So in four seconds, they take at most this percentage of five seconds, and
+                // the last slices may exceed that a little.
                 for (size_t first = 0, last = 0; last < begun_us.size(); ++last) {
                     while (begun_us[last] - begun_us[first] > 4 * kS) ++first;
                     const double took = static_cast<double>((last - first + 1) * slice_us);

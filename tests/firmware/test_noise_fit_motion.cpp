@@ -15,8 +15,8 @@ struct Turning {
             fit->start(i);
         }
     }
-    // Adds n samples. If `fits` is false, there is no time for fits. `leaks`: rate that is added on all axes.
-    // `turn`: rate that is added on `axis` alone. Both are in counts.
+    // Adds n samples to each axis. `fits`: whether there is time for fits. `leaks`: rate that is added on all
+    // axes [counts]. `turn`: rate that is added on `axis` alone [counts].
     void add(int n, bool fits, int leaks = 0, size_t axis = 0, int turn = 0) {
         for (int k = 0; k < n; ++k) {
             for (size_t i = 0; i < 3; ++i) {
@@ -50,8 +50,8 @@ TEST_CASE("noise fit: while one axis turns none learns, whether fits go on or no
                 CAPTURE(axis);
                 CAPTURE(i);
                 const fltea::Estimate held = turning.tracked(i), known = resting.tracked(i);
-                // The rate of three counts that was added on all axes during the motion has not entered the
-                // bias.
+                // While one axis turned, all axes measured three counts more (`leaks`). No axis has taken
+                // this for bias.
                 CHECK(std::fabs(held.tracker_bias) * kCountsPerDps < 1.0f);
                 CHECK(held.tracker_bias_std > known.tracker_bias_std);
             }

@@ -109,8 +109,8 @@ void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
     uint64_t us = rig.clock.us() - rig.clock.run_us();
     uint32_t stamp = static_cast<uint32_t>(us);
     for (const Frame& frame : rig.sink.receiver.frames) {
-        // In timer mode, each frame has the time at which it was sent, so times never go back. In data-ready
-        // mode, a sample has the time of its edge, which is earlier.
+        // In timer mode, a frame has the time at which it was made, so times never go back. In data-ready
+        // mode, a sample has the time of its edge, which may be earlier than the time of the frame before.
         if (mode == SamplingMode::timer) REQUIRE(frame.device_us - stamp < 0x80000000u);
         stamp = frame.device_us;
         if (frame.type != fltea::Sample::type()) REQUIRE(frame.sequence == next[frame.type]++);
@@ -127,8 +127,8 @@ void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
         us += static_cast<uint32_t>(frame.device_us - static_cast<uint32_t>(us));
         REQUIRE(sample.gyro_x != kWrong);
         REQUIRE(starts > 0);
-        // If the chip was reset before this sample, a HELLO with another number of starts of the sensor must
-        // have come between the reset and the sample.
+        // `life` counts resets of the chip. If it has changed since the last sample, a HELLO has come between
+        // the two samples, with another count of starts of the sensor.
         if (sample.accel_x != life) REQUIRE(starts != starts_of_life);
         life = sample.accel_x;
         starts_of_life = starts;
@@ -138,9 +138,9 @@ void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
         if (sampled) REQUIRE(step > 0);
         number = sampled ? number + step : frame.sequence;
         sampled = true;
-        // The sequence number tells the time at which a sample was due. A sample is late by less than a
-        // sampling period and one chain of failed transfers. A sample may also seem early by that much,
-        // because its time is compared with that of the first sample, which may have been late, too.
+        // A sample was due at a time that its sequence number tells. It may be late by a sampling period and
+        // one chain of failed transfers. It may seem early by as much: times are compared with that of the
+        // first sample, which may itself have been late.
         const double late_us = static_cast<double>(us - first_us) - static_cast<double>(number) * 10000.0;
         const double bound_us = mode == SamplingMode::timer ? 20000 : 30000;
         REQUIRE(late_us < bound_us);
@@ -150,8 +150,8 @@ void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
     const fltea::Status status = rig.status();
     const std::vector<Frame> samples = rig.samples();
     REQUIRE(number + 1 == samples.size() + status.overruns + status.dropped_frames);
-    // A wrong answer of the chip counts as an error only if the second answer is right, so the count lies
-    // between two limits.
+    // A wrong answer of the chip counts as an error only if the chip gives the right answer when asked again.
+    // So the expected count is known only to lie between two limits.
     REQUIRE(status.i2c_errors >= static_cast<uint32_t>(rig.bus.failures));
     REQUIRE(status.i2c_errors <= static_cast<uint32_t>(rig.bus.failures + rig.bus.wrong_reads));
 }
@@ -171,7 +171,8 @@ TEST_CASE("random trouble: nothing is sent that must not be, and delivered + ove
             rig.start();
             rig.run(20 * kS);
             trouble.end();
-            // from now on, step() is called at every tick, so that no overrun comes after the last STATUS
+            // from now on, step() is called at every tick: no sample may be missed after the last STATUS,
+            // which counts the missed samples
             rig.calls = Rig::Calls::every_tick;
             rig.run(4 * kS);
             check_all_that_was_sent(rig, mode);
@@ -179,6 +180,6 @@ TEST_CASE("random trouble: nothing is sent that must not be, and delivered + ove
             REQUIRE(rig.sink.receiver.judged() == rig.sink.receiver.counts["frames"]);
         }
     }
-    // out of 144,000 sampling instants, at least 40,000 gave samples, despite the faults
+    // 60 runs of 24 s have 144,000 sampling instants; despite the faults, at least 40,000 gave samples
     CHECK(sent > 40000);
 }

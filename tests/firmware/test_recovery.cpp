@@ -149,8 +149,8 @@ TEST_CASE("recovery: lines held for good: said once a second, and all goes on wh
             CHECK(rig.fault_detail(FaultCode::bus_held) == static_cast<uint32_t>(held));
             CHECK(rig.fault_count(FaultCode::sensor_missing) == 0);
             CHECK(rig.status().bus_recoveries == 0);
-            // The detail is the number of failed transfers, one for each of three sampling instants. A second
-            // attempt per instant would be useless while a line is held.
+            // The detail of sensor_lost is the number of failed transfers: one at each of three sampling
+            // instants. Transfers are not repeated while a line is held, since this would be useless.
             CHECK(rig.fault_detail(FaultCode::sensor_lost) == (at_boot ? 0 : 3));
             rig.bus.held = HeldLines::none;
             rig.run(3 * kS);
@@ -258,8 +258,8 @@ TEST_CASE(
     const size_t faults = rig.faults().size();
     rig.run(2 * kS);
     REQUIRE(rig.samples().size() > n);
-    // The limits, in this order, are for the absence of the sensor, the wait for a probe, reset and settling
-    // of the chip, and a margin.
+    // In milliseconds: the sensor was absent for 1,350, it is probed every 100, reset and settling of the
+    // chip take 160, and 30 are a margin.
     CHECK(rig.samples()[n].device_us - before.device_us < (1350 + 100 + 160 + 30) * kMs);
     CHECK(rig.faults().size() == faults);
     check_balance(rig);
@@ -305,7 +305,8 @@ TEST_CASE("recovery: in data-ready mode an edge during a failed read gives its o
     Rig rig(SamplingMode::data_ready);
     rig.calls = Rig::Calls::every_tick;
     rig.start_and_settle();
-    // The read begins 8 ms after an edge and fails 3 ms later; the next edge has come meanwhile, at 10 ms.
+    // The read begins 8 ms after its edge and fails 3 ms later. The next edge comes during this read, 10 ms
+    // after the first edge.
     const Frame before = rig.samples().back();
     rig.clock.pass(before.device_us + 18 * kMs - rig.clock.us());
     rig.edges();

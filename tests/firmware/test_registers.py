@@ -151,7 +151,7 @@ def test_one_register_an_offset_but_for_alternatives() -> None:
 
 @pytest.mark.slow
 def test_another_description_is_refused(tmp_path: Path) -> None:
-    """A vendor's description in which one register has another address is refused."""
+    """A vendor's description is refused if its SHA-256 is wrong; here, one address differs."""
     fetched = run_tool("generated", ROOT, "gen_registers", "--check")
     if "could not fetch" in fetched.stderr:
         missing(fetched.stderr)

@@ -20,7 +20,7 @@ int main(int arguments, char**) {
     return static_cast<int>(word(bytes + (arguments - 1)));
 }
 """
-"""A program that, with an argument, reads a word that begins one byte after a multiple of 4."""
+"""A program that reads a word; with an argument, the word's address is unaligned (no multiple of 4)."""
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)

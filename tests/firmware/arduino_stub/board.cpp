@@ -46,8 +46,9 @@ bool edges_run() {
     return floats() || (board.int_wire && chip.plugged_in && (chip.registers[kIntEnable] & 1) != 0);
 }
 
-// Advances the time by the duration of a transfer of `bits` bits. If a line of the bus is held, advances the
-// time by `waits` times Wire's time limit instead, and returns false.
+// Simulates a transfer of `bits` bits, which takes its usual time and returns true. The transfer fails if it
+// hangs, if a line of the bus is held low, or if the pins are not connected to the controller. Then Wire
+// waits until its time limit, `waits` times in a row, and this returns false.
 bool transfer(unsigned bits, unsigned waits) {
     const bool connected =
         board.pins[PIN_WIRE_SDA].owner == Pin::wire && board.pins[PIN_WIRE_SCL].owner == Pin::wire;

@@ -22,7 +22,7 @@ struct Chip {
     int stalls = 0;       // number of future transfers that hang until Wire gives up
     int stall_after = 0;  // number of bytes of a hanging read that arrive before it hangs
     int short_by = 0;     // number of bytes that are missing in the next read
-    int held_clocks = 0;  // the chip holds SDA low until this many clock pulses have come; kForEver: always
+    int held_clocks = 0;  // number of clock pulses after which the chip lets go of SDA; kForEver: never
     bool scl_held = false;
 };
 
@@ -39,8 +39,8 @@ struct Board {
     Chip chip;
     Pin pins[80];
     bool interrupts_on = true;
-    // the time at which interrupts were last masked, and the total time by which micros() is behind because
-    // they were masked
+    // masked_ns: time at which interrupts were last masked. lost_ns: total time by which micros() is behind,
+    // because milliseconds are not counted while interrupts are masked
     uint64_t masked_ns = 0, lost_ns = 0;
 
     // Bus
@@ -51,11 +51,11 @@ struct Board {
     int clocks = 0;  // rising edges of SCL that were made by setting the pin
     int stops = 0;   // STOP conditions that were made by setting pins
     int drives = 0;  // number of times that the program drove a line high, which I2C forbids
-    // byte of a write without acknowledgement that stays in the controller and is sent first in the next
-    // write; -1: none
+    // a byte that was written, but not acknowledged: it stays in the controller and is sent as the first byte
+    // of the next write; -1: none
     int remains = -1;
     int stale_reads = 0;  // number of future complete reads that leave a byte in the controller
-    // a read has left a byte in the controller; the next read takes it for its first byte
+    // whether a read has left a byte in the controller; the next read returns this byte as its first one
     bool byte_left = false;
     int spins = 0;  // number of transfers that reached Wire's time limit
 
