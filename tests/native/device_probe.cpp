@@ -53,8 +53,8 @@ int device_startup() { return fltea::settings::kStartup; }
 double device_lsb_per_dps() { return 0.1 * fltea::kGyroLsbTenths; }
 Device* device_make() { return new Device(); }
 void device_free(Device* device) { delete device; }
-// Processes n samples, oldest first; `missing` marks lost samples. Writes a row of 19 numbers for each sample
-// after the start-up window, and returns the number of rows.
+// Processes n samples, oldest first; `missing` marks lost samples. Writes a row for each sample after the
+// start-up window, with the 19 fields of an ESTIMATE, and returns the number of rows.
 std::size_t device_run(Device* device, std::size_t n, const int16_t* counts, const unsigned char* missing,
                        double* rows) {
     std::size_t made = 0;
