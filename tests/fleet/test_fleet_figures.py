@@ -42,10 +42,9 @@ def test_every_noise_with_white_noise_in_it_has_a_density(kind: str) -> None:
 
 
 def test_of_white_noise_19_of_20_intervals_of_the_density_hold_it() -> None:
-    """If 95 % of intervals contain the true density, at least 34 of 40 do so with a probability of at least
-    0.99.
+    """Of 40 intervals of 95 %, at least 34 contain the true density, with a probability of 0.99.
 
-    The intervals are at most twice as wide as necessary.
+    The median interval is at most twice as wide as necessary.
     """
     truth = math.sqrt(2) * NOISES["white"].N
     held = [figures["density"].low <= truth <= figures["density"].high for _, figures in of_white()]
@@ -68,9 +67,10 @@ def test_a_density_stays_between_curves() -> None:
 
 
 def test_the_angle_random_walk_of_one_noise_is_the_same_in_all_records() -> None:
-    """The Allan curve of this noise has the slope -1/2 over two ranges of averaging time.
+    """The Allan curve of this noise has the slope -1/2, that of white noise, in two ranges of averaging
+    times.
 
-    Either range may be the longer one in a record, but N always comes from the same range.
+    In some records the one range is longer, in others the other. N always comes from the same range.
     """
     records = [fitted(NOISES["fractional"], 100_000, seed) for seed in (0, 1)]
     records += [fitted(NOISES["fractional"], 400_000, seed) for seed in (2, 3)]
@@ -84,8 +84,8 @@ def test_where_noise_may_have_an_order_and_its_white_noise_is_unknown_there_is_n
 ) -> None:
     """If noise may have an order α and its white noise is unknown, no density is given.
 
-    In an earlier version, √2 N was given for a new sensor with fractional noise, which is 1.8 times the true
-    density. This figure was thirteen standard deviations off.
+    In an earlier version, √2 N was given as the density, which is true of white noise only. For a new sensor
+    with fractional noise, it was 1.8 times the true density, and wrong by 13 standard deviations.
     """
     fit, _ = of_white()[0]
     R = fit.R if verdict == "white" else Interval(fit.R.value, 0.0, fit.R.high)
@@ -112,10 +112,11 @@ def test_a_curve_of_a_hundred_thousand_points_costs_no_more_than_a_usual_one() -
     ],
 )
 def test_an_order_counts_once_it_is_known(alpha: Interval, f: Interval, kept: set[str]) -> None:
-    """An order α counts only if its interval is narrow.
+    """α and f are compared only if the interval of α is narrow, and if their own intervals do not reach 0
+    (or, for α, the largest order that is fitted).
 
-    Otherwise, fits of the same noise may differ much. In one case, f was -0.18 (-0.53 to 0) or -1, and α was
-    0.16 (0.14 to 0.21) or 0.6.
+    Otherwise, fits of the same noise may differ much. In two fits of one noise, α was 0.16 (0.14 to 0.21) and
+    0.6, and f was -0.18 (-0.53 to 0) and -1.
     """
     assert set(figures_of(AxisFit("fractional", "text", "deg/s", alpha, f), RATE_HZ, {})) == kept
 
@@ -151,7 +152,7 @@ def alarms(sensors: int, spread: float, fleets: int) -> float:
 @pytest.mark.parametrize("sensors", [8, 200])
 @pytest.mark.parametrize("spread", [0.0, 2.0])
 def test_false_alarms_are_as_rare_as_stated(sensors: int, spread: float) -> None:
-    """One of 1,000 fleets is expected to raise a false alarm. Three of 150 would be more than chance."""
+    """Of 1,000 fleets without an outlier, one may raise a false alarm. So three of 150 would be too many."""
     assert alarms(sensors, spread, 150) <= 2 / 150
 
 
@@ -208,8 +209,8 @@ def test_figures_that_are_no_numbers_are_left_out(R: float, rate_hz: float) -> N
 
 
 def test_an_interval_that_is_far_too_narrow_makes_nobody_odd() -> None:
-    """If the likelihood of a fit has two maxima, a sensor's value may be far from the others, with too narrow
-    an interval. Such a sensor does not count as an outlier.
+    """If a likelihood has two maxima, the interval may be narrow and contain only the wrong one. It is
+    widened to the median width of all intervals, so the sensor does not count as an outlier.
     """
     rng = np.random.default_rng(8)
     std = np.full(40, 0.1)
@@ -219,8 +220,8 @@ def test_an_interval_that_is_far_too_narrow_makes_nobody_odd() -> None:
 
 
 def test_a_distance_is_in_deviations_of_an_interval_of_95_percent() -> None:
-    """The distance of a sensor from its fleet is in standard deviations of the sensor's estimate if the other
-    sensors do not differ.
+    """If all other sensors agree, a sensor's distance from them is in standard deviations of its own
+    estimate.
     """
     value = np.zeros(20)
     value[7] = 100.0

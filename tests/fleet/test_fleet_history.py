@@ -116,7 +116,9 @@ def test_rows_wait_for_room_on_a_full_disk(history: History, monkeypatch: pytest
 def test_rows_that_find_their_place_taken_are_counted(
     history: History, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The database went away while rows were sent to it, and further rows came meanwhile."""
+    """While three rows are sent to the database, it goes away, and two more rows come. Only three rows may
+    wait here, so the two new ones are lost, and counted.
+    """
     monkeypatch.setattr(histories, "MOST_WAITING", 3)
 
     def away(commands: object) -> None:
@@ -265,7 +267,7 @@ def test_an_export_that_cannot_be_written_is_a_message(tmp_path: Path, out: str,
 
 
 def test_a_database_that_fails_costs_no_row(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A row is left out only if its values cause the error, and not for any other error of the database."""
+    """A damaged database loses no row. A row is left out only if its own values cause the error."""
     add(history, 1.0, 2.0)
 
     def damaged(commands: object) -> None:

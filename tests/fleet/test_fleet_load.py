@@ -65,7 +65,8 @@ def test_an_alert_needs_three_looks_and_ends_after_three() -> None:
     roll, _ = fleet(60, 1)
     alerts, seen, nothing = Alerts(), compare(roll, 1.0), Comparison([], {})
     told = [alerts.update(roll, seen, 1.0, float(number)) for number in range(CHECKS)]
-    # the third comparison raises two alerts, for N and for the density of the white noise
+    # the third comparison that finds the outlier raises two alerts: for its N and for its density of white
+    # noise
     assert [len(one) for one in told] == [0, 0, 2]
     assert {alert.state for alert in told[-1]} == {"raised"}
     assert len(alerts.raised()) == 2

@@ -219,8 +219,8 @@ def test_what_the_server_is_still_writing_is_not_written_twice(lab: Lab, keep: K
         other.rollback()
     write_out(history)
     assert times_of(history, "a") == [1.0]
-    # It is not known whether the transaction with this number was committed. The number comes from another
-    # server, and is larger than all numbers of this server.
+    # `_unsure`: number of a transaction whose connection was lost, so that it may or may not be committed.
+    # This number is of another server: it is larger than all numbers of this server.
     postgres(history)._unsure = 10**15
     add(history, 2.0)
     write_out(history)

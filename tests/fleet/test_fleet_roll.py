@@ -179,9 +179,9 @@ def test_a_flood_of_names_takes_nobodys_place_and_is_named() -> None:
 
 
 def test_one_thing_said_again_and_again_makes_no_sensor() -> None:
-    """A name counts as a sensor only when it has sent different messages.
+    """A name counts as a sensor only when two kinds of messages, or two different fits, have come under it.
 
-    The same message may come again and again, since the broker sends its retained messages at every request.
+    A repeated message proves nothing, since the broker sends its retained messages at every request.
     """
     roll = Roll()
     for _ in range(10):
