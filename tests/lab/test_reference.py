@@ -36,9 +36,10 @@ def same(a: Step, b: Step) -> bool:
 
 
 def test_parameters_that_enter_linearly_follow_a_plain_kalman_filter() -> None:
-    # In this system, A(w) x is linear in the parameters w. So the output is linear in w, too, with the matrix
-    # H = h^α d(A x)/dw, and filtering by sigma points is exact. If the order α is constant, the filter of the
-    # parameters (KFw) and that of the state (KFx) predict the same output, so they have the same innovation.
+    # A(w) x is linear in the parameters w here. So the output is linear in w, too: its matrix is H = h^α d(A
+    # x)/dw (h: sampling period). The filter of sigma points is then exact, and equals the plain Kalman filter
+    # below. With a constant order α, the filters of parameters and state predict the same output, so they
+    # have the same innovation.
     h, order, R, delta = 0.25, 0.5, np.diag([0.2, 0.3]), 0.3
     P = np.array([[0.5, 0.2, 0.1], [0.2, 0.4, 0.0], [0.1, 0.0, 0.3]])
     Q = np.diag([0.01, 0.02, 0.03])
@@ -83,8 +84,8 @@ def test_two_outputs_are_one_with_their_combined_noise() -> None:
 
 
 def test_two_separate_systems_in_one_keep_apart() -> None:
-    # With a constant order and A = diag(w), one filter of two uncoupled states is equivalent to two separate
-    # filters.
+    # `np.diag` makes the matrix of the system diagonal, so each of two states depends only on itself. With a
+    # constant order, one filter of both states is then equivalent to two separate filters.
     order = OrderSettings(P0=0, Q0=0, alpha0=0.6, R=1, delta=0)
 
     def start(w: list[float]) -> Fltea:
@@ -130,8 +131,8 @@ def test_covariances_stay_symmetric_and_non_negative(
         assert not step.finite or step.order_variance >= 0
         assert not step.finite or all(np.array_equal(P, P.T) for P in covariances)
         if not (step.finite and abs(step.order) < 3 and max(np.abs(P).max() for P in covariances) < 1e6):
-            # if the filter diverges, computing the variance F P F' loses more digits by cancellation than the
-            # bound below allows
+            # The filter diverges. Its numbers are so large that the rounding error of F P F' (the covariance
+            # P after a step with the transition matrix F) exceeds the bound below.
             break
         steps += 1
         assert all(np.linalg.eigvalsh(P).min() >= -1e-12 * np.abs(P).max() for P in covariances)
@@ -286,8 +287,8 @@ def test_wrong_settings_are_named(text: str, make: Callable[[], object]) -> None
 
 
 def test_covariances_of_parameters_may_be_singular() -> None:
-    # One parameter is known exactly, and the other two are unknown but fully correlated. So the initial
-    # covariance P0 and the sigma points have rank one.
+    # The first parameter is known exactly. The other two are unknown, but always equal. So their initial
+    # covariance P0 is singular: its rank is one.
     P0 = np.zeros((3, 3))
     P0[1:, 1:] = 0.04
     fltea = Fltea(

@@ -111,8 +111,8 @@ def test_an_unknown_fractional_source_raises_the_order_that_is_found() -> None:
     found = {kind: outcomes(case, range(8), options, quiet)[3000] for kind, case in cases.items()}
     for outcome in found.values():
         assert not (outcome.not_finite | outcome.far_off).any()
-    # The true order is 0.4. If the noise that drives the system is itself of the order 0.3, the whole is of
-    # the order 0.4 + 0.3. The paper's algorithm estimates about 0.54 and 0.66.
+    # The system has the order 0.4. Its source is white noise in one case, and noise of the order 0.3 in the
+    # other, which makes the order 0.7 in all. The paper's algorithm finds about 0.54 and 0.66.
     assert np.median(found[True].settled_order) > np.median(found[False].settled_order) + 0.05
 
 
@@ -285,8 +285,8 @@ def test_lost_runs_are_counted_and_guards_prevent_them() -> None:
 
 
 def test_a_finite_run_that_is_far_off_stays_in_every_statistic() -> None:
-    # With a saw-tooth of ±1.2, the state of the paper's algorithm is off by more than 10 standard deviations
-    # of the measurement (10 sqrt(R)) for a sixth of the seeds, but stays finite.
+    # With a saw-tooth of ±1.2, all numbers stay finite, but a sixth of the seeds end far off: the error of
+    # the state is more than 10 √R, where R is the variance of the measurement noise.
     scenario = replace(short(2, 4000, SawTooth(1.2)), lengths=(4000,))
     printed = outcomes(scenario, range(32), Options(), quiet)[4000]
     assert printed.far_off.sum() >= 1
@@ -312,7 +312,8 @@ def test_medians_are_of_all_that_are_finite() -> None:
     spread = {"median": 2.0, "p05": pytest.approx(1.1), "p95": pytest.approx(2.9), "paper": 2.5}
     assert row["state"] == spread | {"percentile": pytest.approx(200 / 3)}
     assert row["parameter"]["percentile"] == 100
-    # an error equal to the one in the paper counts as one half in the percentile
+    # `percentile`: percentage of the errors that are below the paper's; an error equal to it counts as one
+    # half
     assert (row["order"]["paper"], row["order"]["percentile"]) == (1.0, 50)
 
 

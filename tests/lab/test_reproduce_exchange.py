@@ -12,12 +12,12 @@ from fltea.lab.reproduce.scenarios import SawTooth, example
 
 
 def made_up(table: int, size: float, seeds: int, lost: int = 0, spread: float = 0.3) -> dict[int, Outcome]:
-    """Draw outcomes around the numbers in a table of the paper, multiplied by `size`.
+    """Return made-up errors of the algorithm, like those that the seeds of an experiment give.
 
-    From one memory length L to the other, the outcomes change roughly as the numbers in the table do.
+    With L = 4,000, the errors scatter around the numbers in a table of the paper, multiplied by `size`. From
+    L = 4,000 to L = 2,000, they change on average as the numbers in the table do.
 
-    `spread`: standard deviation of the logarithms of the outcomes. `lost`: number of seeds whose outcome is
-    not finite.
+    `spread`: standard deviation of the logarithms of the errors. `lost`: number of seeds that diverge.
     """
     rng = np.random.default_rng(table)
     printed = {3: paper.TABLE_3, 4: paper.TABLE_4}[table]
@@ -85,13 +85,13 @@ def test_an_order_that_stays_at_0_is_nearer_than_the_printed_errors() -> None:
     assert 2 * exchange.zero_order_error() < paper.TABLE_3[4000].order < paper.TABLE_4[4000].order
 
 
-# How the paper's errors of state and parameter compare with those of an independent implementation for 800
-# seeds (../shared/paper/tables.md): the fraction of seeds with a smaller error. `levels`: these fractions
-# with the memory length L = 4,000. `changes`: the same for the change of the errors from L = 4,000 to L =
-# 2,000.
+# An independent implementation has run the paper's algorithm for 800 seeds (../shared/paper/tables.md).
+# `levels`: fraction of these seeds whose error is smaller than the paper's with L = 4,000, for the state and
+# for the parameter. `changes`: the same for the change of the error from L = 4,000 to L = 2,000.
 OTHERS_SEEDS = 800
 OTHERS = [
-    # each row: table of the paper, example, amplitude of the saw-tooth, `levels` and `changes`
+    # each row: number of the table, number of the example, amplitude of its saw-tooth input, `levels`,
+    # `changes`
     (2, 1, 1.0, (0.93, 0.74), (0.29, 0.49)),
     (2, 1, 1.2, (0.81, 0.74), (0.30, 0.42)),
     (3, 2, 1.0, (0.0, 0.0), (0.05, 0.11)),
@@ -131,7 +131,8 @@ def test_percentiles_are_those_of_an_independent_implementation(
     row: Row
     for row, expected in ((first, levels), (last["change"], changes)):
         for name, share in zip(("state", "parameter"), expected, strict=True):
-            # the fractions are kept away from 0 and 1, where the formula for the sampling error would give 0
+            # the sampling error of a fraction of 0 or 1 would be 0 by the formula, so 0.01 or 0.99 is put
+            # into it
             likely = np.clip(share, 0.01, 0.99)
             error = np.sqrt(likely * (1 - likely) * (1 / SEEDS + 1 / OTHERS_SEEDS))
             assert row[name]["percentile"] / 100 == pytest.approx(share, abs=4 * error), name

@@ -74,8 +74,9 @@ def test_kfw_first_takes_the_order_of_the_step_before() -> None:
     filters = example(1, SawTooth()).filters
     data = Data(np.array([[0.2]]), np.array([[1.0]]))
     after, before = (readings.run(filters, Reading(parameter_first=b), data) for b in (False, True))
-    # With x_0 = 0, the first sample has no information on the parameter f. So the filter of the order (KFo)
-    # uses the same f, whether it runs before or after the filter of the parameter.
+    # The system multiplies f by the state before, which is x_0 = 0 at the first sample. So this sample says
+    # nothing about f, and f stays 0. The filter of the order then gives the same result, whether the filter
+    # of f runs before it or after it.
     assert after.f == before.f == 0
     assert after.alpha == before.alpha
     data = Data(np.array([[0.2], [0.3]]), np.array([[1.0], [1.0]]))
@@ -88,8 +89,8 @@ def test_noise_outside_the_gain_is_added_to_the_state() -> None:
     inside, outside = (example(1, SawTooth(), 500, omega_outside=b).make(range(8)) for b in (False, True))
     assert inside.u is not None
     assert np.array_equal(inside.u, outside.u)
-    # With x_0 = 0, the first state is h^α u_0 + ω_0 if the noise ω is added after the gain h^α, and h^α (u_0
-    # + ω_0) if it is added to the input u.
+    # With x_0 = 0, the first state comes from the input u_0 and the noise ω_0 alone. It is h^α u_0 + ω_0 if
+    # the noise is added outside of the gain h^α (h: sampling period, α: order), and else h^α (u_0 + ω_0).
     gain = paper.H**0.6
     added = outside.x[0] - gain * outside.u[0]
     assert gain * added == pytest.approx(inside.x[0] - gain * inside.u[0])

@@ -15,7 +15,9 @@ from fltea.lab.reproduce.score import GUARDS, RESTING, SAWTEETH, document, drive
 
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Replace the cases with an input by two short ones. In one of these, the paper's algorithm diverges."""
+    """Replace the cases in which an input drives the system by two short ones. In the second, the paper's
+    algorithm diverges.
+    """
     cases = [replace(example(n, SawTooth(a), 600), lengths=(600,)) for n, a in ((1, 1.0), (2, 20.0))]
     monkeypatch.setattr(module, "driven", lambda: cases)
 
