@@ -123,9 +123,10 @@ def test_intervals_that_are_longer_on_one_side(
 
 
 def test_more_comparisons_need_more_to_differ(alike: AxisReport) -> None:
-    """Among many equal sensors, some figure differs much by chance.
+    """Two sensors differ in N by a little more than chance explains.
 
-    So the limit of what counts as a difference grows with the number of comparisons.
+    If a hundred equal sensors are compared as well, this difference does not count: among so many
+    comparisons, some differ as much by chance.
     """
     N = alike.result.level.N
     assert N.high is not None

@@ -96,8 +96,8 @@ def test_drift(change: float) -> None:
 )
 @pytest.mark.parametrize("known", [True, False])
 def test_quantisation(sigma_lsb: float, severity: str | None, known: bool) -> None:
-    # The size of a count is no power of ten here. If the size were unknown and a power of ten, the checks
-    # would take the steps for decimals of the file.
+    # The size of a count is 1/16.4, which is no power of ten. Otherwise, where the size is not given, the
+    # checks would take the steps of the values for decimals in the file.
     lsb = 1 / 16.4
     y = np.rint(white(20_000, 1, 1)[0] * sigma_lsb) * lsb
     assert kinds(y, lsb if known else None).get("quantisation") == severity
@@ -128,8 +128,8 @@ def test_torn_reads(sign: int) -> None:
 @pytest.mark.parametrize("width", [100, 20])
 @pytest.mark.parametrize("tails", ["laplace", "standard_cauchy"])
 def test_heavy_tails_are_no_torn_reads(tails: str, width: float) -> None:
-    """A difference of about 256 counts suggests a torn read. But in noise with a large σ, any outlier may
-    differ from its neighbours by that much.
+    """A torn read mixes bytes of two samples, so it is wrong by about 256 counts. If σ is large or tails are
+    heavy, outliers may differ by as much, but they are not called torn reads.
     """
     rng = np.random.default_rng(3)
     y = counts(width * LSB * np.clip(getattr(rng, tails)(size=20_000), -50, 50))

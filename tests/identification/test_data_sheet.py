@@ -26,8 +26,9 @@ def level(density: float, known_to: float = 0.01) -> Level:
 
 
 def test_the_density_is_of_positive_frequencies_as_in_a_sheet() -> None:
-    """Data sheets use the density of positive frequencies: σ² of white noise is the density squared times
-    half the sample rate.
+    """Data sheets state the one-sided density, over positive frequencies only.
+
+    White noise of this density D has the variance D² times half the sample rate.
     """
     y = 0.01 * math.sqrt(RATE_HZ / 2) * np.random.default_rng(3).standard_normal(20_000)
     found = compare("MPU-9250", identify_axis(y, 1 / RATE_HZ).level, RATE_HZ)

@@ -115,7 +115,9 @@ def _white(seed: int = 3) -> tuple[np.ndarray, FittedSystem]:
 
 
 def test_how_long_a_heading_is_good_is_as_long_as_white_noise_lets_it() -> None:
-    """The expected time t comes from the variance of the heading, σ² h t (1 + t / rest), solved for t."""
+    """The variance of the heading after a time t is R h t (1 + t / rest_s), where R is the variance of the
+    noise and h the sampling period. The expected t is that at which this variance reaches its limit.
+    """
     (y, whole), R, h, rest_s = _white(), 0.02, 0.01, 30.0
     drive = Drive(1.0, rest_s)
     _, found_ = found(whole, y, h, "deg/s", lambda half: fitted_system([White(R)], half, h), drive)

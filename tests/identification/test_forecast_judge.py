@@ -35,8 +35,8 @@ def fails(found: Judgement) -> tuple[bool, bool]:
 
 @pytest.mark.slow
 def test_right_models_hold() -> None:
-    # K of a random walk. A relaxation with σ 0.05 and the correlation time 8 s looks like this random walk in
-    # a spectrum that does not reach the relaxation's corner frequency.
+    # K of the random walk that stands for a relaxation of σ 0.05 and correlation time 8 s in the second
+    # model. Above the relaxation's corner frequency, both have the same spectrum.
     slow = 0.05 * math.sqrt(2 / 8)
     failed = 0
     for seed in range(12):
@@ -74,11 +74,10 @@ def test_the_mean_of_the_rate_about_the_bias_is_of_both() -> None:
 
 
 def test_noise_that_a_filter_has_coloured_is_not_in_the_bias() -> None:
-    """A filter in the sensor makes neighbouring samples of this noise alike, so the tracker knows a part of
-    the next noise.
+    """The samples are white noise behind a low-pass of the sensor, so neighbouring samples are alike.
 
-    Bias(T), the expected mean of the bias over the next T seconds, leaves this noise out. The mean of the
-    rate, with which Bias(T) is compared, contains it.
+    So the tracker can predict a part of the next noise. Bias(T), the expected mean of the bias over the next
+    T seconds, leaves this part out. The mean of the samples, with which Bias(T) is compared, contains it.
     """
     deviations = [
         [one.deviations for one in of_half(_filtered(seed), White(0.01), LowPass(8.0, 2.0)).bias[:4]]
@@ -89,6 +88,6 @@ def test_noise_that_a_filter_has_coloured_is_not_in_the_bias() -> None:
 
 
 def _filtered(seed: int) -> Array:
-    """Return white noise of variance 0.01 (density 0.01 H) behind a second-order low-pass."""
+    """Return white noise of variance 0.01 behind a second-order low-pass, plus a constant 3."""
     b, a = butter(2, 8.0, fs=1 / H)
     return np.asarray(3 + lfilter(b, a, white(seed, N + 500) - 3)[500:])

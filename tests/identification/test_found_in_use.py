@@ -35,8 +35,9 @@ def data_checks(found: AxisReport) -> dict[str, str]:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_relaxations_with_quantisation_are_not_fractional(seed: int) -> None:
-    """Relaxations with quantisation noise are not fractional noise. In an earlier version, no model of
-    relaxations was chosen if the density rose with frequency anywhere.
+    """Relaxations with quantisation noise are not fractional noise. The density of quantisation noise rises
+    with frequency. In an earlier version, no model of relaxations was chosen for a density that rises
+    anywhere.
     """
     truth = Truth(0.005, ((0.0175, 1.0), (0.0175, 0.1), (0.0175, 0.02)), Q=1.4e-4)
     assert identify_axis(composite(truth, 60_000, H, seed), H, None, OPTIONS).verdict.kind != "fractional"
@@ -64,8 +65,9 @@ def test_the_table_writes_figures_as_the_first_line_does() -> None:
 
 
 def test_an_axis_that_is_constant_at_first_is_judged() -> None:
-    """The axis is constant at first. All results exist except those of the algorithm FLTEA, whose start-up
-    window is without noise.
+    """The axis is constant during the start-up window of the algorithm FLTEA, so FLTEA is not run.
+
+    All other results exist.
     """
     y = np.concatenate([np.full(500, 0.3), white(59_500, 1, 1)[0]])
     found = identified(y)
@@ -118,9 +120,10 @@ def test_the_null_test_says_its_level() -> None:
 
 
 def test_one_record_is_said_to_be_long_enough() -> None:
-    """If a record is too short, the output recommends only one length of a record.
+    """If a record is too short, the output names only one length that would be enough.
 
-    The length is ten minutes by the data check "short", or more if the verdict needs it.
+    The data check "short" recommends ten minutes. If the verdict needs a longer record, only the verdict's
+    text recommends a length.
     """
     found = identified(white(6000, 1, 1)[0])
     assert "Record ten minutes or more" in data_checks(found)["short"]

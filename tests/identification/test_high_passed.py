@@ -45,11 +45,11 @@ def test_nothing_is_said_of_a_walk(report: AxisReport) -> None:
 
 
 def test_the_forecast_holds_for_the_samples_and_says_so(report: AxisReport) -> None:
-    """Behind a high-pass with the corner frequency f, the angle of white noise stops walking: its standard
-    deviation is σ √(h / (4π f)), and not N √t.
+    """Behind a high-pass with the corner frequency f, white noise does not make the heading error grow.
 
-    What the high-pass leaves of the bias's random walk is white at low frequencies, with the density K / (2π
-    f).
+    The error's standard deviation is σ √(h / (4π f)) at all times, and not N √t (σ: standard deviation of the
+    samples, h: sampling period, t: time). The bias's random walk becomes white noise at low frequencies, with
+    the density K / (2π f).
     """
     assert report.forecast is not None
     assert not any(one.fails for one in (*report.forecast.judged, *report.forecast.bias))
@@ -64,8 +64,8 @@ def test_of_independent_records_the_heading_is_in_the_band(report: AxisReport) -
     at = dict(zip(report.forecast.t_s, report.forecast.heading_std, strict=True))
     off = [H * np.cumsum(coupled(6_000, seed)[:6_000])[[999, 5_999]] for seed in range(100, 160)]
     rms = np.sqrt(np.mean(np.square(off), axis=0))
-    # 60 records give the standard deviation to within a tenth. The mean behind the high-pass is 0, so no bias
-    # is subtracted.
+    # From 60 records, the standard deviation is known to ± 9 %. The high-pass makes the mean of the samples
+    # 0, so no bias is subtracted.
     np.testing.assert_allclose(rms, [at[10.0], at[60.0]], rtol=0.4)
 
 

@@ -101,8 +101,8 @@ def test_all_at_once() -> None:
     found = allan([y], H)
     assert found.N.value == pytest.approx(0.01, rel=0.03)
     assert found.K.value == pytest.approx(0.02, rel=0.35)
-    # Data sheets call the square root of the lowest value of N²/τ + K²τ/3 (the Allan variance of white noise
-    # and a random walk) bias instability.
+    # White noise and a random walk together have the Allan variance N²/τ + K²τ/3. Data sheets call the square
+    # root of its minimum bias instability.
     assert found.B.value * 0.6643 == pytest.approx(np.sqrt(2 / np.sqrt(3) * 0.01 * 0.02), rel=0.15)
     assert 0.3 < found.B.tau_from_s < 3
     assert found.N.tau_to_s < found.B.tau_from_s < found.K.tau_to_s
@@ -149,8 +149,8 @@ def test_what_cannot_be_analysed(y: Array, h: float, word: str) -> None:
 
 
 def test_intervals_are_those_of_allantools() -> None:
-    """The intervals differ by up to 1 %: the degrees of freedom come from long sums, which allantools
-    truncates, while fltea leaves out terms evenly.
+    """The intervals agree to 1 %, but not exactly. Their degrees of freedom come from long sums: allantools
+    ends these early, and fltea leaves out terms evenly.
     """
     for y in (white(3000, 1, 1)[0], random_walk(0.02), white(30_000, 1, 2)[0]):
         found = allan([y], H)

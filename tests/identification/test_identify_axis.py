@@ -91,8 +91,8 @@ def test_notch_and_from_hz_leave_out() -> None:
     assert not seen.evidence.peaks
     assert seen.band.from_hz == 1.0
     ((low, high),) = seen.band.notch_hz
-    # on both sides, the notch at 20 Hz also leaves out the frequencies that the side lobes of Hann's window
-    # reach
+    # The notch of 19 to 21 Hz is widened on both sides, because Hann's window spreads the power of a line to
+    # neighbouring frequencies.
     assert (low, high) == (pytest.approx(18.4, abs=0.02), pytest.approx(21.6, abs=0.02))
     assert seen.ordinates == pytest.approx(46 * 60 * 0.94, rel=0.06)
     assert examined(y, H).evidence.peaks
@@ -105,9 +105,9 @@ def peaks(*bands: tuple[float, float]) -> tuple[Peak, ...]:
 
 
 def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Peaks are left out of the fit as long as half of the periodogram remains.
+    """Peaks are left out of the fit. At least half of the periodogram must remain for the fit.
 
-    Beyond this, the weakest peaks stay in the fit, but no more than necessary.
+    If leaving out all peaks would leave less, the weakest peaks stay in the fit, and no more than necessary.
     """
     y = white(1000, 1, 1)[0]
     found = peaks((5, 15), (20, 30), (35, 37), (38, 48))
@@ -119,9 +119,10 @@ def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.Monke
 
 
 def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In this short record, the peak's frequencies stay in the fit.
+    """A fit needs at least `FEWEST` values of the periodogram.
 
-    Without them, more than half of the periodogram would be left, but fewer values than a fit needs.
+    If the peak were left out of this short record, more than half of the values would remain, but fewer than
+    `FEWEST`. So the peak stays in.
     """
     monkeypatch.setattr("fltea.identification.fine_peaks.find_peaks", lambda p: peaks((10, 25)))
     seen = examined(white(180, 1, 2)[0], H)
@@ -130,15 +131,15 @@ def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.Monkey
 
 
 def test_drift_is_not_among_what_is_fitted() -> None:
-    """The fit begins at the frequency with ten periods per record.
+    """The fit and the p-value `p_clean` leave out frequencies with fewer than ten periods per record.
 
-    A p-value that also includes the lower frequencies is stored separately.
+    The p-value `p_all` includes lower frequencies, and shows the drift.
     """
     n = 30_000
     y = white(n, 1, 3)[0] + 0.1 * np.sin(2 * np.pi * 5 * np.arange(n) / n)
     seen = examined(y, H)
     assert seen.band.from_hz == pytest.approx(1 / 30)
-    # ordinates 4 to 9 count as evidence, but are not fitted
+    # the frequencies with 4 to 9 periods per record count in p_all, but are not fitted
     assert 4 <= seen.ordinates - seen.band.ordinates <= 6
     assert seen.evidence.p_all < 1e-3
     assert seen.evidence.p_clean > 0.05

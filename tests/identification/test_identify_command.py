@@ -204,9 +204,9 @@ def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["away.npz", "bad.npz", "short.npz"])
 def test_of_a_refused_recording_there_is_no_report(name: str, recording: Path, tmp_path: Path) -> None:
-    """In an earlier version, the report of a refused recording was an empty page.
+    """If all recordings are refused, no report is written. An earlier version wrote an empty page.
 
-    If there is another recording, both are in the report: the refused one with its error, without figures.
+    If there is another recording as well, the report has both: of the refused one only its name and error.
     """
     (tmp_path / "bad.npz").write_bytes(b"PK no")
     npz(tmp_path / "short.npz", counts(20, 1))

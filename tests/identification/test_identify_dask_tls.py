@@ -109,7 +109,7 @@ def test_a_foreign_certificate_does_not(
 
 
 def test_nor_without_one(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A client in which TLS is switched off by a setting is not accepted either."""
+    """A client without a certificate, which connects by plain TCP, is not accepted."""
     plain = address.replace("tls://", "tcp://")
     with pytest.raises(UsageError, match=r"no scheduler answers there .* with certificates tls://"):
         connect(plain, {}, monkeypatch, patience_s=1.0)

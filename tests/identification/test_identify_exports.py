@@ -98,18 +98,18 @@ def test_what_a_filter_reads(known: AxisReport) -> None:
 
 
 def test_white_noise_that_a_fast_part_took_in_is_not_near_nothing() -> None:
-    """A fast relaxation may take up the white noise, so that the fit gives N = 1e-8. With this N, a filter
-    would expect errors that are a million times too small.
+    """The fit may describe white noise as a very fast relaxation, and give N = 1e-8.
 
-    So the file has null for N, and the density that was measured.
+    With this N, a filter would expect errors that are a million times too small. So the file has null for N,
+    and the density that was measured.
     """
     y = composite(Truth(0.0, ((0.05, 0.0055),)), 60_000, H, 1)
     found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
     entry = entry_of(found)
     assert entry.N.value is None
     assert entry.knee_hz == pytest.approx(1 / (2 * np.pi * 0.0055), rel=0.5)
-    # By hand: the power density of a relaxation at its corner frequency is half of that at frequency 0. The
-    # root of this is σ √(2 τ) / √2.
+    # By hand: a relaxation has the power density 2 σ² τ at frequency 0, and half of that at its corner
+    # frequency. The square root of this half is σ √τ.
     assert entry.knee_density == pytest.approx(0.05 * np.sqrt(0.0055), rel=0.5)
     assert "cannot be told from other fast noise" in found.result.level.reason
     shown = axis_noise(found).N
@@ -218,7 +218,7 @@ def random_parts(share: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[Any
 @example((White(1.0), Walk(0.2), LowPass(10.0, 2.0)), 2)
 @example((White(1.0), Walk(0.2), LowPass(20.0, 2.0)), 2)
 def test_all_say_the_same_of_any_noise(parts: tuple[AnyPart, ...], seed: int) -> None:
-    """Text, table, JSON and model agree. In an earlier version, one had the α 0.40 and another 0.72."""
+    """Text, table, JSON and model agree. In an earlier version, one said α = 0.40, another 0.72."""
     y = draw(AxisModel(parts), H, 6000, np.random.default_rng(seed))[0]
     found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
     assert_one_result(found)
@@ -253,8 +253,9 @@ def test_imu_yaml() -> None:
 
 
 def test_imu_yaml_of_both_sensors() -> None:
-    """The four noise figures of imu.yaml are in the units of Kalibr, and inflation multiplies them by its
-    factors.
+    """The four noise figures of imu.yaml are in the units of Kalibr.
+
+    Inflation (`--inflate`) multiplies the noise densities by one factor, and the random walks by another.
     """
     gyro = {"gyro_x": AxisNoise(Shown(0.02), Shown(0.5))}
     accel = {"accel_y": AxisNoise(Shown(0.03), Shown(0.05))}

@@ -146,9 +146,9 @@ def band(y: np.ndarray, settings: EstimatorConfig, copies: int) -> ShuffledBand:
 
 
 def test_a_copy_is_what_the_daemon_gives_for_it() -> None:
-    """The quantiles over a single shuffled copy are all that copy's estimate.
+    """The quantiles over shuffled copies are, for a single copy, the estimate for this copy.
 
-    It agrees with the daemon's to the accuracy with which the filters remember past samples.
+    It agrees with the daemon's estimate for the same samples, except for errors of the compressed memory.
     """
     y = counts(2)
     settings = config()
@@ -215,7 +215,7 @@ def test_copies_that_run_away_are_counted_and_left_out() -> None:
 def test_innovations_that_are_white() -> None:
     """For white innovations, the p-values of Ljung and Box's test are uniform.
 
-    The other two figures of the innovations have their expected values.
+    The mean normalised square (`nis`) is 1, and the correlation of neighbours (`lag1`) is 0.
     """
     found = [innovations(2 * e, np.full(1000, 2.0)) for e in white(1000, 200, 1)]
     p = np.array([i.ljung_box_p for i in found if i is not None])

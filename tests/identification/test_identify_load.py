@@ -52,8 +52,8 @@ def test_all_stretches(tmp_path: Path) -> None:
 
 
 def test_so_many_short_gaps_are_bridged_by_nothing(tmp_path: Path) -> None:
-    """Every fifth sample is lost. The gaps are not filled, because the samples to fill them would be a large
-    part of the record.
+    """Every fifth sample is lost. The gaps are not filled, because random samples would be a fifth of the
+    record.
     """
     seq = np.arange(200) * 5 // 4
     path = npz(tmp_path / "a.npz", counts(200), time_s=seq / RATE_HZ, seq=seq)
@@ -125,8 +125,8 @@ def test_a_session_of_a_device_that_contradicted_itself_for_a_while_has_a_warnin
     assert found.hello.rate_hz == 100
     assert found.counts.used >= 800
     assert found.counts.rate_differs >= 150
-    # Frames 60, 61 and 150 were lost while the rates contradicted each other. Sequence numbers are not used
-    # then, so these frames are not counted.
+    # Frames 60, 61 and 150 were lost while HELLO stated a wrong rate. Sequence numbers are not used during
+    # that time, so these three frames are in neither count.
     assert found.counts.samples + found.counts.rate_differs == 1200 - 3
 
 

@@ -34,7 +34,7 @@ def test_no_alpha_behind_a_low_pass_goes_unmarked(name: str) -> None:
 
 
 def test_what_the_filter_describes_is_not_marked() -> None:
-    """An AR(1) process is a fractional state of order 1, so FLTEA's filter describes this noise."""
+    """FLTEA's filter describes an AR(1) process: it is a state of order 1, driven by white noise."""
     phi, rng = 0.6, np.random.default_rng(3)
     ar1 = lfilter([1.0], [1.0, -phi], 0.14 * rng.standard_normal(20_000))
     one = Interval(1.0, 0.9, 1.1)
@@ -43,7 +43,9 @@ def test_what_the_filter_describes_is_not_marked() -> None:
 
 @pytest.mark.parametrize("walk", [0.0, 2e-4])
 def test_white_innovations_do_not_make_an_order(walk: float) -> None:
-    """White noise, alone or with a walking offset, has no order α, although FLTEA's innovations are white."""
+    """White noise, alone or with an offset that does a random walk, has no order α. FLTEA's innovations are
+    white for this noise, but they do not prove that it has an order.
+    """
     y, rng = 0.14 * white(20_000, 1, 4)[0], np.random.default_rng(3)
     y = y + walk * rng.standard_normal(len(y)).cumsum()
     found, innovations = fltea_fit(y, H, EstimatorConfig(variant="joint"))

@@ -155,9 +155,9 @@ def test_noise_has_the_spectrum_of_its_model(name: str) -> None:
 
 
 def test_a_walk_goes_as_far_as_a_walk_does() -> None:
-    """The distance that a simulated random walk moves has the right variance, even over the whole record.
+    """The distance of a simulated random walk from its start has the right variance, up to the record's end.
 
-    Periodic noise alone would have three quarters of that variance.
+    Periodic noise with the walk's spectrum would have only three quarters of this variance at the end.
     """
     n = 1 << 14
     many = draws(AxisModel((Walk(1.0),)), H, n, np.random.default_rng(2))
@@ -251,9 +251,9 @@ def test_the_command_writes_what_run_reads(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_offset_walks_in_a_simulation_as_in_the_forecast() -> None:
-    """The model has the random walk of the offset in addition to the parts of the noise. Recordings that are
-    simulated with the model have the forecast of the original recording, since the simulation includes this
-    walk.
+    """The spectrum does not show the random walk of the offset. So the model has it beside its noise parts.
+
+    Simulated recordings include this walk. So their forecasts agree with that of the original recording.
     """
     y = draw(AxisModel((White(0.01), Walk(0.0007))), H, 60_000, np.random.default_rng(2))[0]
     found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)

@@ -139,10 +139,9 @@ def test_the_heading_says_after_how_long_a_rest(
 def test_the_bias_is_shown_where_it_is_known_with_steps_and_motion(
     made: tuple[Path, list[FileReport], list[Path]],
 ) -> None:
-    """The vertical range of the picture is the range of the bias over the times at which the σ of the bias is
-    small.
+    """The vertical axis of the picture shows the range that the bias has while its σ is small.
 
-    Otherwise the wide interval of the first second would determine the range.
+    Otherwise the first seconds, with their large σ, would determine this range.
     """
     axis = made[1][0].axes["gyro_x"]
     assert isinstance(axis, AxisReport)

@@ -58,10 +58,10 @@ def piece(t_s: float, pieces: int, needed: float, deviations: float = 9.0, said:
 
 
 def axis(*pieces: Piece, whole: float = 0.01, unit: str = "deg/s", judged: str = "white noise") -> Axis:
-    """Return the result of an axis with a given forecast, and with given errors of it in pieces of the
-    recording.
+    """Return the result of an axis, with only what the tests need: the forecast of its heading error.
 
-    `whole`: the forecast from the whole recording.
+    `pieces`: how large the errors of the heading were in pieces of the recording. `whole`: the σ that is
+    forecast from the whole recording.
     """
     times = tuple(one.t_s for one in pieces)
     found = Forecast(times, (whole,) * len(times), pieces, (), "white noise", judged, "")
@@ -120,8 +120,9 @@ def test_the_band_is_as_wide_as_95_percent_need(errors: list[float]) -> None:
 
 
 def test_each_axis_has_its_own_factor_and_the_worst_counts() -> None:
-    """The figures of each axis are multiplied by the axis's own factor, and then the largest figure counts.
-    It may come from an axis with less noise.
+    """The figures of each axis are multiplied by the factor of this axis. imu.yaml gets the largest product.
+
+    It may come from an axis with less noise than another.
     """
     gyro = {"gyro_x": AxisNoise(Shown(0.02), Shown(0.5)), "gyro_y": AxisNoise(Shown(0.03), Shown(0.4))}
     own = Inflation(1.0, 1.0, {"gyro_x": 2.0, "gyro_y": 1.0}, ("gyro_x: times 2: for this.",))

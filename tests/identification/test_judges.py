@@ -119,10 +119,10 @@ def test_rows_between_samples_alternate(noise: str) -> None:
 
 @pytest.mark.parametrize("hz", [49.9, 49.99, 33.3, 25.02])
 def test_a_line_near_a_part_of_the_rate_is_none(hz: float) -> None:
-    """A spectral line near half the sample rate, such as mains, looks like two values that alternate, but its
-    amplitude rises and falls slowly.
+    """A spectral line near a half, third or quarter of the sample rate looks like two or more sensors whose
+    rows alternate.
 
-    The difference between two alternating sensors stays the same.
+    But its amplitude rises and falls slowly. The difference between two sensors stays the same.
     """
     y = white(60_000, 1, 1) + 0.5 * np.sin(2 * np.pi * hz * np.arange(60_000) * H + 1)
     assert "alternates" not in judged(gyro(y))
@@ -130,8 +130,8 @@ def test_a_line_near_a_part_of_the_rate_is_none(hz: float) -> None:
 
 @pytest.mark.parametrize("every", [100, 50, 33])
 def test_a_glitch_in_each_period_is_no_sensor_by_turns(every: int) -> None:
-    """Glitches come every 100, 50 or 33 rows, so all fall on the same row of a repeated pattern of four, two
-    or three rows. This looks as if rows of so many sensors alternated, and one sensor were different.
+    """Glitches come every 100, 50 or 33 rows, which are multiples of four, two and three. If rows of that
+    many sensors alternated, all glitches would be of one sensor. No such sensor is reported.
     """
     y = white(60_000, 3, 1)
     y[:, ::every] += 5.0 * float(y.std())

@@ -83,7 +83,8 @@ def test_copies_of_a_long_record_do_not_depend_on_their_group(monkeypatch, varia
     assert np.ptp(some.alpha) > 0
     monkeypatch.setattr(shuffled, "LONGEST", 4000)
     longer = shuffled.estimate(y, H, config, None, range(4, 8), 1)
-    # the variant "triple" uses all samples in any case
+    # `LONGEST` limits the samples of a copy only for the variant "joint"; "triple" uses as many as the record
+    # has
     assert np.array_equal(longer.alpha, some.alpha) == (variant == "triple")
 
 

@@ -64,16 +64,16 @@ def test_the_page_s_filter_says_what_the_file_says(name: str, tmp_path: Path) ->
     plain = navigation_filter(tracked(y), y, H)
     for told in plain.heading_std[:3]:
         drift, std = by_the_page(plain, y[:0], told.t_s, tmp_path)
-        # they differ a little, because one is a sum over samples and the other an integral
+        # `std` and `told.filter` differ a little: `std` is a sum over samples, and `told.filter` an integral
         assert std == pytest.approx(told.filter, rel=0.03)
         assert drift == pytest.approx(plain.bias * told.t_s)
 
 
 @pytest.mark.parametrize("name", [*NOISES, "EMA"])
 def test_the_filter_s_heading_is_the_forecast_s(name: str) -> None:
-    """The σ of the heading by the exported filter and by the forecast agree after a minute.
+    """From one minute on, the exported filter and the forecast give the same σ of the heading.
 
-    In the first minute, the forecast is better, since it uses the states at the end of the record.
+    Before that, the forecast's σ may be smaller, since it knows the states at the end of the record.
     """
     for seed in range(2):
         y = noise(name, N, np.random.default_rng(seed))
@@ -87,8 +87,9 @@ def test_the_filter_s_heading_is_the_forecast_s(name: str) -> None:
 
 @pytest.mark.slow
 def test_the_heading_is_as_far_off_as_it_says() -> None:
-    """The ratio of the heading's error to its σ has the right root mean square over all noises, after 10, 60
-    and 300 s.
+    """The errors of the heading after 10, 60 and 300 s are as large as the filter's σ says.
+
+    The error is divided by its σ. Over all noises, the root mean square of these ratios is close to 1.
     """
     squares = []
     for seed in range(8):
@@ -108,10 +109,9 @@ def test_the_heading_is_as_far_off_as_it_says() -> None:
 
 
 def test_a_slope_is_a_walk_of_the_bias() -> None:
-    """The bias has a slope of 0.05 deg/s in ten minutes.
+    """The bias rises by 0.05 deg/s in ten minutes. If this goes on, the heading error is slope × t² / 2.
 
-    The heading error is therefore half the slope times t², and the filter's random walk of the bias predicts
-    errors of this size.
+    The filter has no slope, but a random walk of the bias, which predicts errors of about this size.
     """
     slope = 0.05 / 600
     squares = []
@@ -132,7 +132,7 @@ def test_what_a_low_pass_takes_away_is_in_n_as_it_was_before(name: str) -> None:
     y = noise(name, N, np.random.default_rng(2))
     plain = navigation_filter(tracked(y), y, H)
     density = np.sqrt(0.01 * H) if name == "EMA" else np.sqrt(0.02 * H)
-    # states slower than 1 s belong to the offset, so they are left out here
+    # relaxations slower than 1 s describe the offset here, and not the low-passed noise, so they are left out
     fast = (state for state in plain.gauss_markov if state.tau_s < 1)
     slow = sum(2 * state.sigma**2 * state.tau_s for state in fast)
     assert np.sqrt(plain.N**2 + slow) == pytest.approx(density, rel=0.05)

@@ -97,8 +97,8 @@ def test_the_worst_axis_counts_or_each_for_itself() -> None:
     # N in deg/√h, which is 60 times N in deg/√s
     assert gins["arw"] == pytest.approx([0.6, 1.2, 0.9], rel=1e-6)
     assert gins["corrtime"] == pytest.approx(100 / 3600, rel=1e-6)
-    # KF-GINS has one correlation time for all axes; sigmas of the bias follow from it so that the random
-    # walks stay unchanged
+    # KF-GINS has one correlation time for all axes. So the σ of each axis's bias is chosen such that the
+    # random walk of the bias stays the same.
     walks = [one * math.sqrt(100 / 2) for one in (0.002, 0.001, 0.003)]
     assert gins["gbstd"] == pytest.approx([3600 * one for one in walks], rel=1e-6)
     px4 = dict(line.split()[2:4] for line in text("px4").splitlines() if line.startswith("param"))

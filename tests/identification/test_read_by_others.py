@@ -69,7 +69,8 @@ def test_the_filters_of_the_axes_are_a_table(folder: Path) -> None:
     assert list(table.index) == list(AXES)
     numbers = table[["N", "K", "bias", "bias_std"]].astype(float)
     assert np.isfinite(numbers.to_numpy()).all()
-    # there may be more states than those of the noise, because the offset may add one
+    # a filter has a state for each relaxation of the noise (none, and one), and perhaps another for the
+    # offset
     for states, least in zip(table.gauss_markov, (0, 1), strict=True):
         assert len(states) >= least
     assert pl.DataFrame([axis["filter"] for axis in axes.values()]).height == 2

@@ -21,8 +21,8 @@ def test_the_heading_of_popcorn_noise_has_its_jumps(seed: int) -> None:
     y = telegraph(rng, n, 0.1, 2000) + rng.normal(0, 0.1, n)
     found = fltea.identify(y, rate_hz=100.0, unit="deg/s", forecast=True)
     assert found.now is not None
-    # Telegraph noise (jumps between two levels) with correlation time τ = 10 s, starting at a known level,
-    # moves the heading in a time t by at most σ √(2 τ t) (standard deviation).
+    # Telegraph noise jumps between two levels, here with σ = 0.1 and the correlation time τ = 10 s. If the
+    # present level is known, the standard deviation of the heading after a time t is at most σ √(2 τ t).
     most = 0.1 * math.sqrt(2 * 10 * 60)
     assert 0.4 * most < found.now.heading_std < 2 * most
 

@@ -89,8 +89,8 @@ def test_a_sensor_that_is_read_too_fast(held: int) -> None:
 
 @pytest.mark.parametrize("spread", [0.1, 0.3, 0.5])
 def test_small_steps_with_heavy_tails_are_no_repeats_of_one_axis(spread: float) -> None:
-    """In slow noise with coarse counts, nine in ten neighbours are equal, and heavy tails cause steps of two
-    counts.
+    """In this slow noise with coarse counts, nine in ten samples equal the one before, and some steps are of
+    two counts, because of heavy tails. Such samples are not called repeated.
     """
     steps = np.random.default_rng(1).standard_t(5, 300_000) * spread / 1.29
     y = lfilter([1], [1, -0.999], steps)[np.newaxis]

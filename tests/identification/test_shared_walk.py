@@ -57,7 +57,10 @@ def test_axes_that_differ_have_a_walk_of_their_own() -> None:
 
 
 def test_axes_whose_parts_walk_have_nothing_but_bounds_in_common() -> None:
-    """In a record of five minutes, an axis alone may well not show its relaxation of 15 s."""
+    """Each axis has a relaxation of 15 s, of a different size on each axis.
+
+    In five minutes, one axis alone may not show that this is no random walk. All axes together show it.
+    """
     rng = np.random.default_rng(5)
     own, bounded = {}, {"own": 0.0, "shared": 0.0}
     for axis, size in zip("xyz", (0.05, 0.07, 0.1), strict=True):
@@ -109,7 +112,7 @@ def test_all_that_is_said_of_a_recording_goes_by_it(channels: tuple[str, ...] | 
     assert [axis.model.offset_walk for axis in found] == pytest.approx([K] * len(found), rel=1e-9)
     first = found[0].model.offset_relaxation
     for axis in found:
-        # the shared relaxation comes from sums whose last bits differ from axis to axis
+        # all axes have the same relaxation, except for rounding errors in its last bits
         relaxation = axis.model.offset_relaxation
         assert (relaxation is None) == (first is None)
         if relaxation is not None and first is not None:

@@ -48,7 +48,7 @@ def walk(K: float) -> Noise:
 def flicker(B: float) -> Noise:
     """Return white noise plus 1/f noise with the two-sided spectrum B²/(2πf).
 
-    The 1/f noise is cut from periodic noise, of which it is an eighth of a period.
+    The 1/f noise is the beginning of a periodic noise whose period is at least eight times as long.
     """
 
     def draw(rng: np.random.Generator, n: int) -> Array:
@@ -183,7 +183,10 @@ def test_a_walk_that_only_the_tracker_sees_is_in_all_figures() -> None:
 
 @pytest.mark.slow
 def test_k_is_the_middle_of_what_is_likely() -> None:
-    """The median of K over 20 axes has an error of about 5 %."""
+    """K is the median of its probable values, so it is as often too large as too small.
+
+    The median of K over 20 axes is known to about 5 %.
+    """
     found = []
     for one in looks(walk(1e-3), 60_000, 20, 8):
         tracked = tracked_of(one)
@@ -224,9 +227,9 @@ def test_only_n_where_the_curve_is_that_of_white_noise() -> None:
 def test_an_interval_of_several_variances() -> None:
     assert around(1.0, [4.0], [1.0]).high == pytest.approx(1 + 2 * 1.96, rel=1e-3)
     both = around(0.0, [1.0, 100.0], [0.5, 0.5]).high
-    # By hand: in a mixture of two normal distributions with σ = 1 and σ = 10 and equal weights, only the wide
-    # one reaches beyond 10. The 5 % of the mixture outside of the interval are 10 % of the wide one, which
-    # lie beyond 1.645 σ = 16.45.
+    # By hand: two normal distributions, σ = 1 and σ = 10, have equal weights. Beyond the interval, there is
+    # only the wide one. 5 % of the whole are outside, which are 10 % of the wide one. Of a normal
+    # distribution, 10 % are outside of ± 1.645 σ = ± 16.45.
     assert both == pytest.approx(16.45, rel=1e-3)
     assert around(0.0, [0.0], [1.0]) == Interval(0.0, 0.0, 0.0)
 

@@ -71,7 +71,7 @@ def test_white_noise_with_a_step_is_white_noise_and_the_step_is_told(size: float
 
 
 def test_a_step_is_that_of_a_gap_free_time_and_the_bias_is_that_of_the_setting() -> None:
-    """The times of steps in the report count lost samples, too."""
+    """The time of a step in the report includes the time of the lost samples before the step."""
     y = white(3)
     y[30_000:] += 0.2
     found = identified(y, Gaps(np.array([10_000, 20_000]), np.array([50, 5000])))
@@ -105,7 +105,11 @@ def test_popcorn_noise_is_named_and_what_is_between_is_white(seed: int, size: fl
 
 @pytest.mark.parametrize("seed", [1, 4])
 def test_steps_of_a_deviation_to_and_fro_are_all_found(seed: int) -> None:
-    """All steps are found, although the first model search finds a relaxation, which hides some of them."""
+    """The samples step up and down by σ every 20 s.
+
+    The first search for a model takes the steps for a relaxation, which hides some of them. Still, all are
+    found.
+    """
     found = identified(white(seed) + SIGMA * (np.arange(SAMPLES) // 2000 % 2))
     np.testing.assert_allclose([step.at_s for step in found.bias_steps], np.arange(20, 600, 20), atol=1.0)
     assert popcorn_noise(found.bias_steps) is not None

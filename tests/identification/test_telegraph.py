@@ -62,14 +62,15 @@ def test_more_levels_and_coarse_counts(count: int, noise: float, lsb: float | No
     assert len(found.levels) == count
     assert found.every_s == pytest.approx(2.0, rel=0.35)
     assert found.sigma == pytest.approx(0.1 if count == 2 else 0.2 * math.sqrt(2 / 3), rel=0.15)
-    # With m levels in random order, the correlation decays m / (m - 1) times as fast as the levels change.
+    # samples stay at a level for 2 s on average; with m levels, the correlation time is (m - 1) / m of that
     assert found.tau_s == pytest.approx(2.0 * (count - 1) / count, rel=0.4)
 
 
 def test_the_heading_has_the_steps_to_come() -> None:
     """In 95 % of independent minutes, the heading is inside its forecast interval.
 
-    This is true if the bias is the mean of the record, and if it comes from the exported filter.
+    The heading is computed with the mean of the record as bias. The exported filter has nearly the same bias
+    and σ, so this is also true of the filter.
     """
     inside: list[bool] = []
     for seed in range(4):

@@ -1,5 +1,7 @@
-"""Tests of whether an offset does a random walk: there are three possible answers, which have effects on
-imu.yaml.
+"""Tests of whether the offset of an axis does a random walk: it does, it is likely constant, or it cannot be
+told.
+
+The answer decides what imu.yaml says about the random walk.
 """
 
 import numpy as np
@@ -27,8 +29,8 @@ OPTIONS = IdentifyOptions(shuffles=0)
 def walking(share: float, seed: int, n: int = N) -> Array:
     """Return white noise with σ = 0.1 whose offset does a random walk.
 
-    `share`: size of the walk, as `fltea.estimator.offset_walk` defines it: each of the n steps has the
-    standard deviation 0.1 √share / n.
+    `share`: variance of a step of the walk, in units of the white noise's variance divided by n². It is
+    defined in this way in `fltea.estimator.offset_walk`.
     """
     rng = np.random.default_rng((seed, 3))
     return np.asarray(rng.normal(size=n) * 0.1 + np.cumsum(rng.normal(size=n)) * np.sqrt(share) * 0.1 / n)
@@ -39,8 +41,9 @@ def report(y: Array) -> AxisReport:
 
 
 def test_three_answers() -> None:
-    """A constant offset is hardly ever said to walk. If no random walk is reported, an upper bound of it is
-    reported.
+    """None of the constant offsets is said to do a random walk.
+
+    If no random walk is reported, the report has an upper bound of its K.
     """
     counts = {share: {"walks": 0, "likely constant": 0, "not told": 0} for share in (0.0, 100.0, 3000.0)}
     bounded, told = 0, 0
@@ -90,9 +93,10 @@ def test_what_kalibr_gets_where_the_verdict_says_drift_alone() -> None:
 
 
 def test_kalibr_gets_all_of_a_walk_that_has_bounds_in_the_filter() -> None:
-    """In a record of a minute, the verdict takes a relaxation of 1 s for a random walk.
+    """The noise has a relaxation of 1 s. From a minute's record, the verdict takes it for a random walk.
 
-    The filter has a state for the relaxation, and almost no random walk.
+    The exported filter has a state for the relaxation, and almost no random walk. imu.yaml has no such state,
+    so it gets the random walk of the verdict.
     """
     rng = np.random.default_rng(0)
     axis = report(rng.normal(size=6000) + gauss_markov(rng, 6000, H, 1.0, 1.0))
@@ -114,8 +118,9 @@ def test_no_record_is_said_to_have_no_walk() -> None:
 
 
 def test_what_n_leaves_out_is_beside_it() -> None:
-    """The noise is white noise with N = 0.01 deg/√s, plus a relaxation with which the density is 0.04 at 0.3
-    s. N contains only the white noise, and the density at 0.3 s is given next to N.
+    """White noise with N = 0.01 deg/√s comes with a relaxation of correlation time 0.3 s.
+
+    N contains only the white noise. Beside N, the density of both together is given, with the time 0.3 s.
     """
     rng = np.random.default_rng(4)
     y = rng.normal(size=60_000) * 0.1 + gauss_markov(rng, 60_000, H, 0.05, 0.3)

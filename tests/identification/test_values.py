@@ -87,7 +87,7 @@ def test_rounding_is_none_of_them(noise: str) -> None:
     for counts in (0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 20):
         for offset in (0.0, 0.25, 0.5):
             rounded = np.rint(counts * y + offset)
-            # counts of 0.061 rounded to two decimals: the steps between these values are unequal
+            # a count of 0.061, written with two decimals: successive values differ by 0.06 or 0.07
             written = np.round(rounded * 0.061, 2)
             found = [*kinds(rounded), *kinds(written)]
             # Slow noise over a range of two or three counts has few different values. It is reported as
