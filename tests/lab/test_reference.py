@@ -36,10 +36,10 @@ def same(a: Step, b: Step) -> bool:
 
 
 def test_parameters_that_enter_linearly_follow_a_plain_kalman_filter() -> None:
-    # A(w) x is linear in the parameters w here. So the output is linear in w, too: its matrix is H = h^α d(A
-    # x)/dw (h: sampling period). The filter of sigma points is then exact, and equals the plain Kalman filter
-    # below. With a constant order α, the filters of parameters and state predict the same output, so they
-    # have the same innovation.
+    # A(w) x is linear in the parameters w here, and so is the output. Its matrix is H = h^α d(A x)/dw (h:
+    # sampling period). The filter of sigma points is then exact, and equals the plain Kalman filter below.
+    # With a constant order α, the filters of parameters and state predict the same output, so they have the
+    # same innovation.
     h, order, R, delta = 0.25, 0.5, np.diag([0.2, 0.3]), 0.3
     P = np.array([[0.5, 0.2, 0.1], [0.2, 0.4, 0.0], [0.1, 0.0, 0.3]])
     Q = np.diag([0.01, 0.02, 0.03])
