@@ -40,9 +40,9 @@ class Bank:
     """Finds bias and R in the start-up window, and runs the filters from the first sample after it.
 
     `axes`: names, at least one. `h`: sampling period [s]. `resolution`: size of one LSB in the sensor's unit,
-    None if unknown. `state`: a result of `save`, to continue without a start-up window. `variances`:
-    variances in use for each axis. `tuned`: axes whose variances were set by `retune`. `filter_models`: order
-    and parameter that were set together with these variances.
+    None if unknown. `state`: a result of `save`, to continue without a start-up window. `variances`: the
+    present Q and R of each axis. `tuned`: axes whose Q and R were set by `retune`. `filter_models`: order and
+    parameter that `retune` set together with Q and R.
 
     Raises:
         ValueError: no filter works with the settings, or the state does not fit them or is not valid.
@@ -108,8 +108,8 @@ class Bank:
     def on_missing(self, count: int) -> list[Lost]:
         """Bridge `count` lost samples by prediction alone. In the start-up window lost samples are ignored.
 
-        Returns the axes whose estimates became invalid meanwhile, each with its row; row 0 is the first lost
-        sample.
+        Returns the axes whose estimates became invalid meanwhile. `Lost.row` counts from the first lost
+        sample, which is row 0.
         """
         return [Lost(*one) for one in self.native.skip(count)]
 
@@ -118,10 +118,10 @@ class Bank:
     ) -> None:
         """Change the variances of axes from the next sample on, also for later restarts of the filters.
 
-        The filters keep their states and memory. `filter_models`: orders and parameters with which some of
-        these axes continue, since their present estimates belong to the old variances. Raises ValueError, and
-        changes nothing, in the start-up window, for unknown or constant axes, and for variances or filter
-        models with which no filter works.
+        The filters keep their states and memory. `filter_models`: new orders and parameters for some of these
+        axes, which replace the present estimates, since those were made with the old variances. Raises
+        ValueError, and changes nothing, in the start-up window, for unknown or constant axes, and for values
+        that are invalid.
         """
         filter_models = filter_models or {}
         if self.baseline is None or self._settings is None:
@@ -207,7 +207,7 @@ class Bank:
         )
 
     def _set_filter_models(self, filter_models: dict[str, FilterModel]) -> None:
-        """Store the filter models (orders and parameters with their σ), from which the σ of α and f come."""
+        """Store the fitted orders and parameters. The σ of α and f that are reported are those of the fit."""
         self.filter_models = filter_models
         known = map(filter_models.get, self.axes)
         self.native.know([one and (one.alpha, one.alpha_std, one.f, one.f_std) for one in known])
@@ -217,9 +217,10 @@ class Bank:
         return LaneSettings(self._config, self._h, R, {"state.Q": Q})
 
     def _by_axis(self, values: Callable[[], Sequence[_T]], otherwise: _T) -> dict[str, _T]:
-        """Return, for each axis, the value that the function `values` returns.
+        """Return a value for each axis by name. `values`: function that returns the values of all axes.
 
-        The value is `otherwise` for a constant axis, and for all axes in the start-up window.
+        The value is `otherwise` for an axis whose samples never change, and for all axes in the start-up
+        window.
         """
         if self.baseline is None:
             return dict.fromkeys(self.axes, otherwise)

@@ -71,7 +71,7 @@ class BaselineRule:
             bias = tuple(axis.mean for axis in window)
         if self._given_R is not None:
             return Baseline(bias, self._given_R, ())
-        # An axis with a variance below 1 / LARGEST, with which no filter works, counts as constant.
+        # An axis with a variance below 1 / LARGEST counts as constant: no filter works with such a variance.
         still = [axis.constant or axis.variance < 1 / LARGEST for axis in window]
         R = tuple(math.nan if same else axis.variance for axis, same in zip(window, still, strict=True))
         return Baseline(bias, R, tuple(axis for axis, same in zip(self.axes, still, strict=True) if same))

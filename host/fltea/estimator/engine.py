@@ -7,19 +7,21 @@ another set of settings. Its equations:
     y_k = x_k + noise of variance R
 
 Here c_j(α) = (-1)^j binom(α, j), and L(k) is the number of past samples in the memory. y and x are in deg/s,
-h in s, f in s^-α; Q is the variance of the noise of one step, and includes h^2α. Lanes never influence each
-other. Their results depend neither on the number of lanes nor on the width of the instruction set.
+the sampling period h in s, f in s^-α. Q is the variance of what the noise adds in one step, so it already
+contains the factor h^2α. Lanes never influence each other. Their results depend neither on the number of
+lanes nor on the width of the instruction set.
 
 Variants: "triple" is the variant of the paper (equal to `reference` except for rounding), with the filters
 KFx for the state, KFo for the order and KFw for the parameter. "joint" has one unscented filter on (α, β =
 h^α f) instead of KFo and KFw.
 
 Guards: "off" is the algorithm as printed in the paper. It can diverge: its results are then not finite, or
-absurd, and no error is raised. "faithful" is the printed algorithm within bounds: as long as no bound is
-reached, its results are those of "off", bit by bit. "consistent" has the same bounds as "faithful", and
-includes the variance of the state in KFo, KFw and the joint filter. With a guard, whatever the input, every
-estimate stays finite, 0 <= α <= 2 and -2 2^α <= h^α f <= 1, and |y - x| <= 4 sqrt(R) after each measurement;
-every intervention is counted (`CAUSES`).
+absurdly large, and no error is raised. "faithful" is the printed algorithm within bounds: as long as no bound
+is reached, its results are those of "off", bit by bit. "consistent" has the same bounds. In addition, the
+measurement variance of KFo, KFw and the joint filter includes the variance of the estimated state, which the
+paper treats as exact. With both guards, whatever the input, every estimate stays finite, 0 <= α <= 2,
+-2·2^α <= h^α f <= 1, and |y - x| <= 4 sqrt(R) after each measurement. Every intervention is counted
+(`CAUSES`).
 
 A compressed memory replaces the older states by decaying sums of them, which takes less time. It replaces an
 order outside [-1.95, 4] by the nearest order inside. This is counted as "memory_order", and can occur only
@@ -47,8 +49,7 @@ the paper. The joint filter estimates α and h^α f together (variant "joint").
 - order_variance: the predicted variance of α exceeded 1/3.
 - order_gate: the innovation of the filter of α, or of the joint filter, exceeded the setting `gate`, which is
   in standard deviations.
-- parameter_box: h^α f left its bounds; this is checked when the filter of f stores a new f, and when f is
-  used with another α.
+- parameter_box: h^α f left its bounds, because the filter of f found a new f, or because α changed.
 - parameter_variance: the predicted variance of h^α f exceeded a third of the square of its range.
 - parameter_gate: the innovation of the filter of f exceeded the setting `gate`.
 - state_bound: the innovation of the state's filter exceeded 4 standard deviations, or a prediction over
@@ -73,7 +74,7 @@ class Estimates(NamedTuple):
     alpha_var: Array
     """Variance of α, as the filter computes it."""
     f: Array
-    """Parameter f in s^-α; with variant "joint", h^-α times the filter's estimate of h^α f."""
+    """Parameter f in s^-α. Variant "joint" estimates β = h^α f, so f = β / h^α (h: sampling period)."""
     f_var: Array
     """Variance of f. With variant "joint" it is the first-order approximation from the covariance of α and
     h^α f.
@@ -116,7 +117,10 @@ def as_rows(
 
 
 def interventions_of(native: _native.Engine | _native.Lanes | _native.Bank, lanes: int) -> NDArray[np.int32]:
-    """Return the number of samples with each of `CAUSES` since a lane's last start, (lanes, len(CAUSES))."""
+    """Return the number of samples at which a limit changed an estimate, (lanes, len(CAUSES)).
+
+    Each lane counts from its last start.
+    """
     counts = np.empty((lanes, len(CAUSES)), dtype=np.int32)
     native.counts(counts)
     return counts
@@ -161,14 +165,14 @@ class Engine:
         return Estimates._make((*out, self.interventions()))
 
     def interventions(self) -> NDArray[np.int32]:
-        """Return the number of samples with each of `CAUSES` since a lane's start, (lanes, len(CAUSES))."""
+        """Return the counts of `interventions_of` for this engine, (lanes, len(CAUSES))."""
         return interventions_of(self._native, self.lanes)
 
     def retune(self, settings: LaneSettings) -> None:
         """Use other settings from the next sample on, also for later restarts of lanes.
 
-        The lanes keep their states and memory. Raises ValueError, and changes nothing, for settings that no
-        filter works with, or with another window, memory, accuracy, variant or guard.
+        The lanes keep their states and memory. Raises ValueError, and changes nothing, for invalid settings,
+        and if window, memory, accuracy, variant or guard differ from the present ones.
         """
         if settings.kind != self.settings.kind:
             raise ValueError("window, memory, accuracy, variant and guard of an engine cannot change")

@@ -1,4 +1,4 @@
-"""Define the order and parameter with which filters continue once a fit has given their Q and R."""
+"""Define the fitted order α and parameter f. Filters get them together with the Q and R of the same fit."""
 
 import math
 from typing import NamedTuple
@@ -7,8 +7,8 @@ from typing import NamedTuple
 class FilterModel(NamedTuple):
     """An order and a parameter with their standard deviations, from a maximum-likelihood fit of all samples.
 
-    The errors of F = h^α f + α and of α are independent. F is the factor from one sample to the next, which
-    the samples determine best.
+    F = h^α f + α is the factor of the previous state in the next one; h is the sampling period. The samples
+    determine F best. The errors of F and α are taken as independent of each other.
     """
 
     alpha: float
@@ -29,6 +29,6 @@ class FilterModel(NamedTuple):
 
     @property
     def is_sound(self) -> bool:
-        """Whether a filter can continue with these values."""
+        """Whether all numbers are finite, α is in [0, 2], and no standard deviation is negative."""
         deviations = self.alpha_std, self.F_std, self.f_std
         return all(map(math.isfinite, self)) and 0 <= self.alpha <= 2 and min(deviations) >= 0

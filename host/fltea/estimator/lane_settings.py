@@ -75,11 +75,16 @@ class LaneSettings:
     def table(self, lanes: int) -> Array:
         """Return the numbers of each lane in the order of the native engine, (lanes, 16).
 
-        The numbers are: the sampling period h; x0, P0, Q and R of the state's filter; alpha0, P0, Q0, R and
-        delta of the order's filter; f0, P0, Q0, R and delta of the parameter's filter; and gate. delta says
-        how fast the variance Q follows the changes of the estimate; gate is the largest innovation that is
-        not limited, in standard deviations. With variant "joint" the joint filter's numbers replace those of
-        order and parameter.
+        The columns are:
+
+        - the sampling period h
+        - of the state's filter: x0, P0 (initial value and its variance), Q, R
+        - of the order's filter: alpha0, P0, Q0, R, delta
+        - of the parameter's filter: f0, P0, Q0, R, delta
+        - gate: the largest innovation that is not limited, in standard deviations
+
+        delta says how fast a filter's variance Q, at first Q0, follows the changes of the estimate. With
+        variant "joint" the joint filter's numbers replace those of order and parameter.
 
         Raises:
             ValueError: an array has another length, or no filter works with a number. The text names the
@@ -142,7 +147,7 @@ class LaneSettings:
 
 
 def native_table(table: Array) -> Array:
-    """Return `table` in the form for the native engine: the column of h holds ln h."""
+    """Return `table` for the native engine, which takes ln h in place of the sampling period h."""
     result = table.copy()
     # The logarithm is math.log, since the last digit of numpy's logarithm depends on the processor.
     result[:, 0] = [math.log(h) for h in table[:, 0]]

@@ -52,10 +52,10 @@ class LaneBlock(NamedTuple):
     innovation_std: Array
     valid: Mask
     lost: list[Lost]
-    """Lanes that became invalid, in the order of rising rows."""
+    """Lanes that became invalid, the earliest first."""
     white: Mask | None
-    """After every sample, whether the last full hundred of innovations is white; None unless a `Bank` made
-    the block.
+    """After every sample, whether the newest complete group of 100 innovations is white. None if the block is
+    not from a `Bank`.
     """
 
 

@@ -1,12 +1,16 @@
 """Weight the possible drifts of an offset by likelihood: random walks, slow relaxations and slopes.
 
-The fit of the spectrum leaves out noise whose period is longer than a tenth of the record. A filter in the
-time domain uses such noise as well. So each possible drift of the offset is weighted by the likelihood that
-such a filter gives to all samples. The offset may be constant. It may be a random walk; the step variances
-that are tried range from hardly visible to obvious in a record of n samples. It may be a bounded walk, which
-is modelled as a relaxation (a first-order Gauss-Markov process). In addition, the offset may have a slope. A
-random walk that the fit of the spectrum has found may also be bounded: the samples show the bound long before
-the spectrum does.
+The fit of the spectrum leaves out noise whose period is longer than a tenth of the record. A Kalman filter
+uses such noise as well. So for each possible drift, a Kalman filter computes the likelihood of all samples,
+and the drift is weighted by it. The possible drifts are:
+
+- none: the offset is constant
+- a random walk, with step variances from hardly visible to obvious in a record of n samples
+- a bounded walk: a relaxation (first-order Gauss-Markov process), which does not wander off without limit
+- each of these with a slope in addition
+
+A random walk that the fit of the spectrum has found may really be a bounded walk. The likelihood shows this
+in a much shorter record than the spectrum does.
 """
 
 import functools
@@ -26,49 +30,51 @@ from fltea.records.arrays import Array, Mask
 from fltea.records.fit import Interval
 
 SHARES = tuple(10.0 ** (k / 2) for k in range(1, 10))
-"""If the fit of the spectrum has found no random walk, these step variances of a random walk of the offset
-are tried. They are in units of the spectrum's level divided by the square of the number of samples.
+"""Step variances that a random walk of the offset may have, if the fit of the spectrum has found no walk.
+
+The unit is the spectrum at `LEVEL_AT`, divided by the square of the number of samples.
 """
 AROUND = tuple(10.0 ** (k / 4) for k in range(-2, 3))
-"""If the fit of the spectrum has found a random walk, these step variances are tried. They are ratios to the
-step variance that the fit has found.
+"""Step variances that the random walk of the offset may have, if the fit of the spectrum has found a walk.
+The unit is the step variance that the fit has found.
 """
 BOUNDS = tuple(2.0**k / (20 * math.pi) for k in range(7))
-"""Correlation times of relaxations that are tried, as ratios to the record's length. The spectrum cannot show
-even the shortest of these relaxations.
+"""Correlation times that a bounded walk of the offset may have, as ratios to the record's length. Even the
+shortest is too long for the spectrum to show.
 """
 BOUNDS_FOUND = tuple(one / 4 for one in BOUNDS[:2]) + BOUNDS
-"""If the fit of the spectrum has found a random walk, it may really be a relaxation. Then these correlation
-times are tried, as ratios to the record's length (as in `BOUNDS`).
+"""`BOUNDS` and two shorter times, which are used if the fit of the spectrum has found a random walk: this
+walk may really be bounded.
 """
 SLOW = BOUNDS_FOUND[1]
 """A relaxation may be confused with a random walk if its correlation time is at least this ratio times the
 record's length.
 """
 RISES = 1.0, 10.0, 100.0, 1000.0
-"""Standard deviations of a slope that are tried, as ratios to the standard deviation of the slope of a
-straight line fitted to white noise.
+"""Prior standard deviations that the slope of the offset may have. The unit is the error of the slope of a
+straight line that is fitted to as many samples of white noise.
 """
 STAYS, ENDLESS, RAMPS = 0.6, 0.5, 0.25
-"""Prior probabilities. STAYS: an offset does not walk. ENDLESS: an offset that walks is not bounded. RAMPS:
-an offset has a slope.
+"""Prior probabilities. STAYS: an offset does not walk. ENDLESS: the walk of an offset that walks is a random
+walk, not a bounded one. RAMPS: an offset has a slope.
 """
 CERTAIN = 0.95
 LEAST = 0.05
-"""A random walk, a relaxation or a slope of the offset gets a state in the filter only if its weight is at
-least this large. The weight of a slope is the mean proportion of the samples' trend that the slope explains.
+"""Least weight with which a bounded walk or a slope of the offset gets a state in the filter, and with which
+a random walk of the offset counts as part of the noise. The weight of a walk is its posterior probability;
+for that of a slope, see `OffsetWalk._with_slope`.
 """
 LEAST_RIVAL = 0.02
-"""A model with a walking offset and a model with a constant offset are kept as rivals if each has at least
-this probability.
+"""Two noise models are kept, one with an offset that walks and one with a constant offset, if each is more
+probable than this. Later samples decide between the two.
 """
 MOST_OF_RIVALS = 6
-"""Two rival models, with a walking offset and with a constant offset, are kept only if the noise without the
-offset has at most this many states. With more states, the noise itself can imitate a walk of the offset, and
-the two models cost more time.
+"""The two models (`LEAST_RIVAL`) are kept only if the noise without the offset has at most this many states.
+Noise with more states can look like a walk of the offset, so samples hardly decide between the models; and
+two such models cost much time.
 """
 LEVEL_AT = 1e-3
-"""Frequency at which the level of the spectrum is measured [rad per sample]."""
+"""Low frequency at which the noise model's spectrum is read, as a unit for steps and slopes [rad/sample]."""
 
 
 class OffsetRelaxation(NamedTuple):
@@ -84,9 +90,9 @@ class OffsetRelaxation(NamedTuple):
 
 
 class OffsetWalk(NamedTuple):
-    """The possible drifts of an offset, each with its posterior probability as weight.
+    """All drifts that an offset may have, each with its posterior probability as weight.
 
-    Each index of the arrays is one possible drift.
+    Entry i of each array belongs to drift i.
     """
 
     steps: Array
@@ -94,7 +100,7 @@ class OffsetWalk(NamedTuple):
     taus: Array
     """Correlation time of the walk in samples; infinite for an unbounded walk."""
     slopes: Array
-    """Standard deviation of the offset's slope, per sample."""
+    """Prior standard deviation of the offset's slope, per sample; 0 if the drift has no slope."""
     weights: Array
     is_found: bool = False
     """Whether the fit of the spectrum has found a walk of the offset, or a slow relaxation that may be such a
@@ -111,8 +117,8 @@ class OffsetWalk(NamedTuple):
     def K(self, h: float) -> Interval:
         """Return the rate random walk K [unit of the samples per √s]; empty if the offset may be constant.
 
-        K is the weighted median over the possible walks, with the interval that holds 95 % of the weight. A
-        filter uses the mean variance of the walks' steps, but that would give too large a K for a sensor.
+        K is the weighted median over the drifts with a walk, and its interval holds 95 % of their weight. The
+        filter uses the mean of their step variances instead. As a figure of a sensor that mean is too large.
         """
         if not self.is_certain:
             return Interval()
@@ -123,13 +129,13 @@ class OffsetWalk(NamedTuple):
         return Interval(*(math.sqrt(q / h) for q in np.exp(log_steps).tolist()))
 
     def system(self, bare: System, samples: int) -> System:
-        """Return the state-space model of a noise, with one drift of the offset for all possible drifts.
+        """Return the state-space model of a noise with a single drift, the weighted mean of all drifts.
 
         `bare`: state-space model of the noise without an offset.
 
-        Of all linear filters, the filter for the mean spectrum of the possible drifts has the least mean
-        square error. The bounded walks among them are relaxations. They are combined into one relaxation,
-        which has their mean variance and the mean variance of their steps.
+        If one of several drifts is true, the best linear filter (least mean square error) is that for the
+        weighted mean of their spectra. All bounded walks are replaced by one relaxation, which has the mean
+        of their variances and of their step variances.
         """
         found, relaxation = bare, self.relaxation
         if relaxation is not None:
@@ -151,8 +157,8 @@ class OffsetWalk(NamedTuple):
         walking = self._replace(weights=np.where(stays, 0.0, self.weights) / likely)
         system = walking.system(bare, samples)
         n, Q, P0 = len(bare.a), system.Q.copy(), system.P0.copy()
-        # `still`: index of the offset in the state. The elements from n to `still` are the offset's
-        # relaxation.
+        # The state has first the n elements of `bare`, then that of the relaxation, if there is one. The
+        # offset follows at the index `still`.
         still = np.flatnonzero(system.a[n:] == 1.0)[0] + n
         Q[n:, :] = Q[:, n:] = 0.0
         P0[n:still, :] = P0[:, n:still] = 0.0
@@ -175,11 +181,10 @@ class OffsetWalk(NamedTuple):
 
     @property
     def by_walk(self) -> tuple[Array, Array, Array, Array]:
-        """Return four arrays: the walks' step variances, their correlation times, the slopes, the weights.
+        """Return the drifts as a table with a row for each walk and a column for each slope.
 
-        An entry of the third array is, as in `slopes`, the standard deviation that a slope of the offset may
-        have. The array of weights has the shape (walks, slopes), with one weight for each pair of a walk and
-        a slope.
+        The four arrays are: the step variances of the walks, (rows,); the correlation times of the walks,
+        (rows,); the standard deviations of the slopes, (columns,); and the weights, (rows, columns).
         """
         count = int((np.diff(self.slopes) <= 0).argmax()) + 1 if len(self.slopes) > 1 else 1
         steps, taus = (one[::count] for one in (self.steps, self.taus))
@@ -187,7 +192,7 @@ class OffsetWalk(NamedTuple):
 
     @property
     def _bounded(self) -> Mask:
-        """Mask (n,) of the bounded walks, with a finite correlation time; all False if these are unlikely."""
+        """Mask of the drifts with a bounded walk; all False if their total weight is less than `LEAST`."""
         bounded = np.isfinite(self.taus)
         return bounded if float(self.weights[bounded].sum()) >= LEAST else np.zeros_like(bounded)
 
@@ -199,10 +204,10 @@ class OffsetWalk(NamedTuple):
     def _with_slope(self, found: System, samples: int) -> System:
         """Return the system with a slope of the offset, if a slope explains enough of the samples' trend.
 
-        The possible drifts have slopes with different prior variances s². Let v be the error variance of the
-        slope of a straight line that is fitted to the samples. Then a prior variance s² explains the
-        proportion s² / (s² + v) of the fitted slope's variance. The system gets a single slope, whose prior
-        variance explains the mean of these proportions, weighted by the probabilities of the drifts.
+        Let v be the error variance of the slope of a straight line that is fitted to the samples. A drift
+        whose slope has the prior variance s² then explains the proportion p = s² / (s² + v) of the fitted
+        slope's variance. The weight of the slope is the mean p of all drifts, weighted by their
+        probabilities. The system gets one slope, whose prior variance gives this mean p.
         """
         most = float(self.slopes.max())
         if most == 0:
@@ -217,7 +222,10 @@ class OffsetWalk(NamedTuple):
 
 
 class Rivals(NamedTuple):
-    """The noise model of an axis, and a rival model if there is one. `likely`: probability of `system`."""
+    """One or two noise models of an axis; later samples decide between two.
+
+    `likely`: probability that `system` is true; `rival` has the rest.
+    """
 
     system: System
     rival: System | None = None
@@ -237,7 +245,9 @@ class Followed(NamedTuple):
     by a random walk.
     """
     rivals: "Rivals"
-    """The two models between which later samples may decide."""
+    """The model with an offset that walks and that with a constant offset; one model alone if it is clear
+    which of the two is true.
+    """
 
 
 def system_of(
@@ -245,21 +255,22 @@ def system_of(
 ) -> Followed:
     """Return the noise model for a tracker, with the drift of the offset.
 
-    An offset that may walk is part of the model, even beside a noise of fractional order. Measurements show:
-    if the offset is really constant, the bias is as accurate as with a constant offset in the model; if the
-    fit has missed slow noise, the bias is more accurate. A slow relaxation by the fit of the spectrum may
-    really be a random walk, so both are tried. `samples`: number of samples of the fit. `remembered`: the
-    samples that the likelihood is computed from. `every`: only one in `every` values of the step variances,
-    correlation times and slopes is tried.
+    Every model has an offset that may walk, even a model with noise of fractional order. We measured what
+    this costs: nothing if the offset is really constant; and if the fit of the spectrum has missed slow
+    noise, the bias becomes more accurate. A slow relaxation that the fit of the spectrum has found may really
+    be a random walk. Both are tried, and the likelier one is returned.
+
+    `samples`: number of samples of the fit. `remembered`: samples from which likelihoods are computed.
+    `every`: to save time, only one in `every` step variances, correlation times and slopes is tried.
     """
     found = _followed(parts, h, samples, remembered, every)
     walking = _as_walk(parts, h, samples)
     if walking is None or found.walk is CONSTANT:
         return found
     other = _followed(walking, h, samples, remembered, every)
-    # The fitted relaxation has the correlation time that fits best of all. The walk in its place has a
-    # likelihood that is a mean over several correlation times, most of which fit badly. Adding log(their
-    # number) to the walk's log L makes the comparison fair.
+    # `found` has a fitted relaxation, whose correlation time is the best of all. `other` has a walk instead.
+    # Its likelihood is a mean over several correlation times, most of which fit badly. So it is too small, by
+    # a factor of up to their number. Adding the logarithm of that number makes the comparison fair.
     ahead = other.walk.likelihood - found.walk.likelihood + 2 * math.log(len(BOUNDS_FOUND))
     return other if other.walk is not CONSTANT and ahead > 0 else found
 
@@ -292,7 +303,7 @@ def _has_order(parts: Sequence[Part]) -> bool:
 
 
 def without_walk(parts: Sequence[Part], h: float, samples: int) -> tuple[System, float]:
-    """Return the state-space model of the parts without their random walk, and the walk's step variance."""
+    """Return the state-space model of all parts that are no random walks, and the walks' step variance."""
     bare = system([part for part in parts if not isinstance(part, Walk)], h, samples, found=True)
     return bare, math.fsum(part.K**2 * h for part in parts if isinstance(part, Walk))
 
@@ -306,12 +317,12 @@ def offset_walk(
     bounds: Sequence[float] = BOUNDS,
     every: int = 1,
 ) -> OffsetWalk:
-    """Return the possible drifts of a noise's offset, each with its posterior probability as weight.
+    """Return all drifts that the offset may have, each with its posterior probability as weight.
 
     `bare`: state-space model of the noise without an offset. `samples`: number of samples in the record.
     `found`: step variance of the random walk that the fit of the spectrum has found; 0 if it has found none.
-    `bounds`: correlation times to try for a bounded walk (a relaxation), as ratios to the length of the
-    record. `every`: only one in `every` values is tried.
+    `bounds`: correlation times that a bounded walk may have, as ratios to the length of the record.
+    `every`: to save time, only one in `every` step variances, correlation times and slopes is tried.
     """
     level = float(bare.spectrum(np.array([LEVEL_AT]))[0])
     steps = [share * found for share in AROUND] if found else [one * level / samples**2 for one in SHARES]
@@ -349,17 +360,18 @@ def walks_tried(
 
 
 def _parted(first: float, others: Sequence[float], weight: float) -> list[tuple[float, float]]:
-    """Return the values, each with its weight; `first` has `weight`, and `others` share the rest equally."""
+    """Return pairs of a value and its weight: `first` with `weight`; `others` share the rest of 1 equally."""
     if not others:
         return [(first, 1.0)]
     return [(first, weight), *((one, (1 - weight) / len(others)) for one in others)]
 
 
 def _offset(power: float, samples: int, q: float, tau: float, slope: float) -> list[Coordinate]:
-    """Return the states that a Kalman filter needs for an offset, its relaxation and its slope.
+    """Return the states of one drift for a Kalman filter: of a relaxation, the offset and a slope.
 
-    `power`: prior variance of a sample, without the contribution of the offset and its relaxation. `samples`:
-    number of samples in the record. `q`, `tau`, `slope`: one possible drift, as in `OffsetWalk`.
+    `power`: variance of a sample of the noise alone. `samples`: number of samples in the record. `q`: step
+    variance of the walk. `tau`: its correlation time in samples; infinite for a random walk, which needs no
+    relaxation. `slope`: standard deviation of the slope per sample; 0 for none.
     """
     found = []
     if math.isfinite(tau):

@@ -16,11 +16,11 @@ MOST_RESTARTS = 1 << 52
 class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A saved baseline, and the filters that continue from it.
 
-    `R`, `Q`: variances in use. `tuned`: axes whose variances came from a fit. `filter_models`: orders and
-    parameters from that fit. `engine`: state of the native filters with their memory. `checksum`: CRC-32 of
-    `engine`. `instruction_set`: instruction set with which the filters ran. `settings`: `LaneSettings.digest`
-    of the engine's settings. `whiteness`: sums over the innovations, for the test of whiteness.
-    `supervisors`: state of the supervisors, which restart filters that diverge.
+    `R`, `Q`: variances of the filters. `tuned`: axes whose R and Q came from a fit. `filter_models`: orders
+    and parameters from that fit. `engine`: state of the native filters with their memory. `checksum`: CRC-32
+    of `engine`. `instruction_set`: instruction set with which the filters ran. `settings`:
+    `LaneSettings.digest` of the engine's settings. `whiteness`: sums over the innovations, for the test of
+    whiteness. `supervisors`: state of the supervisors, which restart filters that diverge.
     """
 
     axes: tuple[str, ...]

@@ -82,13 +82,13 @@ class TrackerRules(NamedTuple):
     """Settings of a tracker; times are in samples, sizes in the unit of the samples.
 
     `ahead`: number of coming samples whose mean bias is estimated; 0 means the newest sample alone.
-    `checked`: the bias is compared with means of so many later samples. `largest_step`: a larger change
-    within a second is motion, not a step. `largest_gravity_step`: a larger change of the accelerometer's
-    samples within a second is motion. `still`: if a sensor at rest shows another value than its offset for
-    this many samples, the value becomes the new offset. This holds only if `settles` is set, if the caller
-    knows that the sensor is at rest, or if the value is nearer to 0 than the offset.
-    `patience`: after this many samples at rest at another value, that value becomes the new offset in any
-    case.
+    `checked`: for each number n in it, the bias is compared with the mean of the next n samples.
+    `largest_step`: a larger change within a second is motion, not a step. `largest_gravity_step`: a larger
+    change of the accelerometer's samples within a second is motion. `still`: if the samples stay at another
+    value than the bias for this many samples, the value becomes the new offset. This holds only if `settles`
+    is set, if the caller knows that the sensor is at rest, or if the value is nearer to 0 than the bias.
+    Otherwise the sensor may be rotating. `patience`: after this many samples at another value, the value
+    becomes the new offset in any case.
     """
 
     ahead: int = 0
@@ -101,9 +101,10 @@ class TrackerRules(NamedTuple):
 
 
 class Checked(NamedTuple):
-    """The errors of the bias, compared with the means of `pieces` groups of later samples.
+    """How well the bias agreed with the samples that came later.
 
-    `rms`: root mean square of the error divided by σ; None before the first group is complete.
+    `pieces`: number of means of later samples with which the bias was compared. `rms`: root mean square of
+    the differences, each divided by its σ; None before the first mean is complete.
     """
 
     pieces: int
@@ -139,14 +140,18 @@ class Remembered:
         self.native = native
 
     def likelihood(self, system: System) -> float:
-        """Return 2 log L of the samples under the noise model `system`, up to a constant.
+        """Return 2 log L, up to a constant. L: likelihood of the samples if `system` is the noise model.
 
-        The result is NaN if no filter works with the model. Raises ValueError for an invalid system.
+        The result is NaN if a filter with this model gives no finite numbers. Raises ValueError for an
+        invalid system.
         """
         return self.likelihoods(system, [()])[0]
 
     def likelihoods(self, bare: System, more: Sequence[Sequence[Coordinate]]) -> list[float]:
-        """Return 2 log L of the samples for each noise model: `bare` with one set of states from `more`."""
+        """Return 2 log L of the samples for several noise models, one for each entry of `more`.
+
+        The model consists of `bare` and of the states in the entry, such as those of a drift.
+        """
         return self.native.likelihoods(bare.numbers, more)
 
     def likelihood_of_walks(self) -> float:
@@ -181,8 +186,8 @@ class TrackerModel:
 
         `to_come`: number of samples that the tracker will process before `Tracker.use_model`, at most
         MOST_TO_COME. If an event happens before that, or if fewer samples come, the tracker filters all
-        samples itself. The results are the same, except that the test for steps then has the innovations only
-        up to `remembered`.
+        samples itself, as if `refilter` had not been called. Otherwise the results differ in one point: the
+        statistics with which the test for steps begins are those at the time of `remembered`.
 
         Raises ValueError if `to_come` is larger than MOST_TO_COME.
         """
@@ -265,9 +270,9 @@ class Tracker:
         return Remembered(self.native.remembered(lane))
 
     def x(self, lane: int) -> tuple[float, Array]:
-        """Return the constant that is subtracted from an axis's samples, and the state x after the last one.
+        """Return a constant c of an axis, and the state x of its noise model after the last sample.
 
-        x is the state of the axis's noise model, which describes the samples less the constant. Without a
+        The tracker subtracts c from each sample, and the noise model describes what is left. Without a noise
         model x is empty.
         """
         origin, x = self.native.x(lane)
