@@ -103,7 +103,7 @@ class DataOptions:
 
 @dataclass(frozen=True)
 class StudyOptions:
-    """What is computed instead of the paper's tables and figures."""
+    """Two studies of our own, of which one can be computed in place of the paper's tables and figures."""
 
     score: Annotated[
         bool,
@@ -137,14 +137,15 @@ def reproduce(
     period of the saw-tooth; fltea uses ±1 at 1 Hz. Without --recording, the gyroscope's figures are made from
     white noise with the paper's R.
 
-    A run is not finite if an estimate becomes infinite or NaN. A run is far off if it stays finite, but an
-    order is ever beyond ±10 or the state ever more than 10 standard deviations (of R) off. Both are counted;
-    medians and 5–95 % ranges are of all finite runs, far off or not.
+    A run is not finite if an estimate becomes infinite or NaN. A run is far off if it stays finite, but the
+    order once leaves ±10, or the state is once wrong by more than 10 √R. Both kinds of runs are counted.
+    Medians and 5–95 % ranges are of all finite runs, including those that are far off.
 
-    In tables 2 to 4 each number of the paper is shown with its percentile: the percentage of the finite runs
-    whose number is smaller. The changes of the paper's numbers from L = 4,000 to the shortest L have
-    percentiles, too. Tables 3 and 4 are each compared with example 2 and with example 3, since they seem to
-    be exchanged in the paper. The evidence for this is shown, but it remains an inference.
+    The paper's tables 2 to 4 show errors of the estimates. Each error is printed with its percentile: the
+    percentage of our finite runs whose error is smaller. Percentiles are also printed for the change of each
+    error from memory length L = 4,000 to the shortest L. Tables 3 and 4 are each compared with example 2 and
+    with example 3, since they seem to be exchanged in the paper. The evidence for this is shown, but it
+    remains an inference.
 
     For example:
 

@@ -45,8 +45,8 @@ class OutputFailed(OSError):
 class _Text(io.TextIOWrapper):
     """Standard output that raises `OutputFailed`.
 
-    The object that writes the bytes is still Python's. An object of ours could be interrupted after a write,
-    and Python would then write the same bytes again.
+    Only this object, which turns text into bytes, is ours; the object that writes the bytes is Python's own.
+    One of ours could be interrupted right after a write, and Python would then write the same bytes again.
     """
 
     def write(self, text: str) -> int:
