@@ -73,7 +73,7 @@ def _check(file: File, about: Mapping[str, Any]) -> None:
     has_grown = (
         file.protocol == "file" and size is not None and size > file.size >= 0
     )  # a local file that only grew still has the listed bytes
-    # The listing kept one of these values as the stamp of the content; `about` may hold several of them.
+    # The listing took one of the facts `STAMPS` as the stamp of the file. It may be any of those in `about`.
     known = {_bare(str(about[key])) for key in STAMPS if about.get(key)}
     is_other = bool(file.stamp and known) and _bare(file.stamp) not in known
     if (is_other and not has_grown) or (size is not None and 0 <= size < file.size):
@@ -108,7 +108,7 @@ def _check_of(file: File) -> Callable[[Any], Awaitable[None]]:
         if answer.status in CHANGED_STATUS:
             raise changed(file)
         if answer.status >= 300:
-            return  # fsspec itself reports this HTTP error
+            return  # no error here: fsspec reports HTTP errors (status 400 and above) itself
         for name in ("ETag", "Last-Modified"):
             value = answer.headers.get(name)
             if value and _bare(seen.setdefault(name, value)) != _bare(value):

@@ -124,10 +124,10 @@ def _metadata(source: Ranges, begin: int) -> dict[str, str]:
 def _head(source: Ranges, summary: _Summary, session: PartInfo | None, number: int, begin: int) -> bytes:
     out = RecordBuilder()
     if session is not None:
-        if number:  # write the metadata as if the recorder had begun a new file with this piece
-            # The recorder writes a chunk when the chunk is full. So a HELLO that is stored right before this
-            # piece arrived only while the piece's first chunk was being filled. When that chunk began, an
-            # earlier HELLO was the newest one.
+        if number:  # the piece gets the metadata that a file would have which begins with this piece
+            # The recorder collects samples until a chunk is full, but writes a HELLO at once. So a HELLO that
+            # is stored between the previous chunk and this piece is newer than the piece's first samples. At
+            # these samples, the newest HELLO was one that is stored before the previous chunk.
             before = summary.chunks[bisect_left(summary.chunks, begin) - 1]
             heard = [one for one in summary.metadata if one.name == HELLO and one.offset < before]
             hello = session.hello

@@ -115,7 +115,7 @@ def of_bag(source: Ranges, block_bytes: int) -> list[Cut]:
 
 
 def _bag_header() -> bytes:
-    """Return the header for a piece of a bag: as of a bag that was closed properly, with an empty index."""
+    """Return a bag header for a piece. It states a properly closed bag whose index has no chunks."""
     fields = ((b"op", Op.BAG_HEADER), (b"index_pos", PLACE.pack(1)), (b"chunk_count", LENGTH.pack(0)))
     pairs = b"".join(LENGTH.pack(len(name) + 1 + len(value)) + name + b"=" + value for name, value in fields)
     return LENGTH.pack(len(pairs)) + pairs + LENGTH.pack(0)

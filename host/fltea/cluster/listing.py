@@ -20,7 +20,9 @@ PROTOCOLS = ("file", "s3", "s3a", "gs", "gcs", "abfs", "az", "http", "https", "m
 """Supported protocols. Chains (`zip::s3://…`) and protocols that run programs elsewhere are not supported."""
 WEB = ("http", "https")
 LIKE_NAMES = ("file", *WEB)
-"""Protocols with which fsspec uses the whole address as the file's path."""
+"""Protocols for which fsspec's path of a file is the complete address: /data/a.csv, https://a.org/b.csv. For
+other protocols the path lacks the protocol.
+"""
 MAGIC, MAGIC_OF_WEB = re.compile(r"[*?\[]"), re.compile(r"[*\[]")
 """Characters that make a path a pattern. In a web address, `?` begins the query, so it is no pattern."""
 LONGEST_NAME = 60
@@ -34,7 +36,7 @@ MOST_LEVELS = 64
 SILENT_S = 60.0
 """Longest time without data from a web server [s]."""
 PACKAGES = {"gs": "gcsfs", "gcs": "gcsfs", "abfs": "adlfs", "az": "adlfs"}
-"""Packages that the user must install for these file systems, since no extra of fltea includes them."""
+"""Package that the user must install for a protocol, since no extra of fltea includes it."""
 DESCRIBE = (".json", ".yaml", ".yml")
 """Endings of files that usually only describe recordings; such a file is read only if the user names it."""
 JOURNAL = "_journal.ndjson"
@@ -66,9 +68,9 @@ class File(NamedTuple):
     def copied_name(self) -> str:
         """Name for a copy: the file's name without unusual characters.
 
-        The name is kept as far as possible, since some text formats are recognised by it.
-        fltea's own recordings and bags look for further files by name. Their copies get a neutral name, so
-        that each file is read alone.
+        The name is kept as far as possible, since some text formats are recognised by it. MCAP files and bags
+        get the neutral name `recording`: from their own names, fltea would look for further parts of the same
+        recording, but each file is read alone.
         """
         name = PurePosixPath(self._name).name.removesuffix(PurePosixPath(self._name).suffix)
         is_one = KINDS.get(self.suffix) not in ("mcap", "bag")
@@ -137,7 +139,7 @@ def files_of(patterns: Sequence[str]) -> Iterator[File | Unlisted]:
             for file in _matching(system, protocol, path):
                 found += 1
                 yield file
-        except FileNotFoundError as error:  # a web server that does not answer raises this error, too
+        except FileNotFoundError as error:  # fsspec also raises this if a web server does not answer
             cause = error.__cause__
             if cause is not None and getattr(cause, "status", 0) != 404:
                 raise FlteaError(f"{pattern}: cannot be read ({type(cause).__name__}: {cause}).") from error
@@ -165,7 +167,7 @@ def _matching(system: Any, protocol: str, path: str) -> Iterator[File | Unlisted
     if protocol == "file":
         path = _one_name(path)
     magic = (MAGIC if protocol not in WEB else MAGIC_OF_WEB).search(path)
-    if magic is None or system.isfile(path):  # a file's name may contain brackets
+    if magic is None or system.isfile(path):  # a path with brackets is no pattern if such a file exists
         about = system.info(path)
         if about["type"] != "directory":
             yield _file(system, protocol, about)
@@ -237,14 +239,14 @@ def _of_its_target(system: Any, about: dict[str, Any]) -> dict[str, Any]:
         return about
     try:
         found: dict[str, Any] = system.info(about["name"])
-    except OSError:  # a broken link, which reading the file reports
+    except OSError:  # the link leads nowhere; the error is reported when the file is read
         return {**about, "type": "file"}
     return found
 
 
 def _file(system: Any, protocol: str, about: dict[str, Any]) -> File:
     name = str(about["name"])
-    if about.get("size") is None:  # web servers do not list sizes
+    if about.get("size") is None:  # a web server's list has no sizes, so ask for each file
         about = system.info(name)
     stamp = next((str(about[key]) for key in STAMPS if about.get(key)), "")
     size = about.get("size")
@@ -253,7 +255,7 @@ def _file(system: Any, protocol: str, about: dict[str, Any]) -> File:
 
 def _url(protocol: str, name: str) -> str:
     url = name if protocol in LIKE_NAMES else f"{protocol}://{name.lstrip('/')}"
-    if protocol in WEB and "?" in url:  # the query may be a secret, but the table is public
+    if protocol in WEB and "?" in url:  # the text after "?" may be a secret, so the table has only its digest
         place, _, query = url.partition("?")
         url = f"{place}?…{hashlib.blake2b(query.encode(), digest_size=4).hexdigest()}"
     return url.encode(errors="replace").decode()  # a name may hold bytes that are no valid text

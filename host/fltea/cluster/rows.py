@@ -24,10 +24,10 @@ class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
 
     `size`, `stamp`: size [bytes] and change stamp of the file when it was listed. `settings`: digest of all
     settings. `again`: whether the next run tries the file again, since the failure is not the file's fault.
-    `parts`: number of pieces whose sums were added; 1 if the file was read whole. Values are None where they
-    are undefined. Columns named *_low and *_high hold the ends of 95 % intervals. α has no unit, f is in
-    s^-α; N, B and K are in `unit`/√Hz, `unit`, and `unit`/√s. `longest_s`: longest duration without a gap
-    [s]; processes slower than a tenth of it are not detected.
+    `parts`: number of pieces of the file from which the figures were computed; 1 if it was read whole. Values
+    are None where they are undefined. Columns named *_low and *_high hold the ends of 95 % intervals. α has
+    no unit, f is in s^-α; N, B and K are in `unit`/√Hz, `unit`, and `unit`/√s. `longest_s`: longest duration
+    without a gap [s]; processes slower than a tenth of it are not detected.
     """
 
     file: str
@@ -148,7 +148,10 @@ def data_check_kinds(data_checks: Iterable[DataCheck]) -> list[str]:
 
 
 def with_ends(of: Any, names: Iterable[str]) -> dict[str, float | None]:
-    """Return the values of a fit or a curve, and the ends of their intervals, by their columns' names."""
+    """Return the columns of figures such as N: for each the value `N`, and its interval `N_low`, `N_high`.
+
+    `of`: object with the figures as attributes; `names`: those that are wanted.
+    """
     found: dict[str, float | None] = {}
     for name in names:
         one = getattr(of, name)

@@ -47,7 +47,10 @@ class _Pieces:
 
 @dataclass
 class _Task(Task):
-    """The task to identify a whole file, or to sum over the piece of a file with the index `number`."""
+    """Work for one worker: identify a whole file, or compute the sums over one piece of it.
+
+    `number`: index of the piece.
+    """
 
     file: File
     pieces: _Pieces | None = None

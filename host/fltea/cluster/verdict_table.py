@@ -77,7 +77,7 @@ class VerdictTable:
         except BlockingIOError as error:
             os.close(self._journal)
             raise UsageError(f"{folder}: another program writes to it.") from error
-        except OSError:  # the file system has no locks
+        except OSError:  # the file system has no locks: go on without one
             pass
         self._done: set[bytes] = set()
         self._failures: dict[bytes, str] = {}
@@ -115,7 +115,7 @@ class VerdictTable:
                 self._bytes += taken
                 line = line[taken:]
         except OSError as error:
-            os.ftruncate(self._journal, before)  # removes the incomplete line
+            os.ftruncate(self._journal, before)  # remove what was written of this line
             self._bytes = before
             raise FlteaError(f"{self._folder}: cannot be written ({error.strerror}).") from error
         self._note(_key(rows[0]), (row.error for row in rows))
@@ -150,7 +150,7 @@ class VerdictTable:
         os.ftruncate(self._journal, 0)
 
     def _note(self, key: bytes, errors: Iterable[str | None]) -> None:
-        """Remember that the table holds a file, and the first error in the file's rows."""
+        """Remember that the table holds the file with this key, and the first of its errors, if any."""
         self._done.add(key)
         for one in errors:
             if one is not None:
