@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 MOST_TICKS, FEW_DECADES = 8, 2.2
 MOST_LINEAR = 6
-"""Largest number of intervals between the numbers at the ticks of a linear scale."""
+"""Ticks of a linear scale are so far apart that the scale is at most this many of their distances long."""
 MOST_DECIMALS = 5
 
 

@@ -45,9 +45,10 @@ def allan_labels(unit: str) -> tuple[str, str]:
 
 
 def coefficients(a: FitAllan, labels: Mapping[str, str] | None = None) -> list[Curve]:
-    """Return a straight line in the Allan plot for each of N, B and K that is known, only near the curve.
+    """Return the straight lines of N, B and K in the Allan plot, as far as these figures are known.
 
-    `labels`: texts for the legend, by name.
+    A line is drawn only where it lies within a factor of 2 of the curve's range. `labels`: texts for the
+    legend, by name.
     """
     found = []
     for name, value, slope, read_at in (

@@ -32,9 +32,9 @@ def html_page(title: str, body: str, made_by: str, head: str = "") -> str:
 def table(rows: Iterable[Sequence[str]], head: Sequence[str] = (), kinds: Sequence[str] = ()) -> str:
     """Return a table that scrolls by itself where it is too wide for the page; texts are escaped here.
 
-    `kinds`: kinds of the first columns; the other columns are plain. "th": a column of labels, where an
-    indented label belongs to the row above. "word": the text of a cell is its CSS class. Any other kind is a
-    class of report.css.
+    `kinds`: how the first columns look; further columns look plain. "th": the cells are labels of their rows;
+    a label that begins with a space belongs to the row above. "word": each cell's text is also its CSS class.
+    Any other kind is the CSS class (in report.css) of all cells of the column.
     """
     return table_of(("".join(map(_cell, row, chain(kinds, repeat("")))) for row in rows), head)
 

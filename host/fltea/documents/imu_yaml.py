@@ -20,10 +20,10 @@ class Shown(NamedTuple):
     at_most: float | None = None
     """Upper bound, with 95 % probability, of a value that is not known."""
     slower: tuple[tuple[float, float], ...] = ()
-    """For N: slower noise for which Kalibr has no term.
+    """For N: slower noise for which Kalibr has no term. It is described by Gauss-Markov states.
 
-    Each entry has the correlation time of a Gauss-Markov state [s], and the noise density at averaging times
-    from this time on.
+    Each entry is a pair: the correlation time of a state [s], and the noise density for averaging times of
+    that length and longer.
     """
 
 
@@ -40,7 +40,7 @@ class Inflation(NamedTuple):
     density: float
     random_walk: float
     of_axes: Mapping[str, float] = {}
-    """Factors for single axes, which apply to their densities and random walks alike."""
+    """Axes with a factor of their own, which multiplies N as well as K in place of the two factors above."""
     reasons: Sequence[str] = ()
     """Sentences that explain the factors for single axes."""
 
@@ -142,7 +142,10 @@ def _entry(
     factors: Mapping[str, float],
     without: str = "no axis was analysed",
 ) -> list[str]:
-    """Return the largest figure of the axes, multiplied by its factor, in rad if its unit has an angle."""
+    """Return the lines for one figure: its largest value of all axes, after each is multiplied by its factor.
+
+    `unit`: unit in the file. If it begins with "rad", `found` is in degrees.
+    """
     scale = math.radians(1.0) if unit.startswith("rad") else 1.0
     known = {axis: one.value for axis, one in found.items() if one.value is not None}
     if not known:
@@ -162,7 +165,7 @@ def _entry(
 
 
 def _at_most(found: Mapping[str, Shown], scale: float) -> Iterator[str]:
-    """Yield a comment with the largest upper bound over the axes, for a figure whose value no axis knows."""
+    """Yield the largest upper bound of all axes, for a figure that is not known on any axis."""
     bounds = [one.at_most for one in found.values() if one.at_most is not None]
     if bounds:
         yield f"at most {scale * max(bounds):.2e}, with 95 % probability"

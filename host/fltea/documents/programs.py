@@ -16,16 +16,14 @@ from fltea.records.version import __version__
 Figure = Literal["N", "K", "sigma", "tau", "B"]
 Sensor = Literal["gyro", "accel"]
 WALKS = "K", "sigma"
-"""Figures that are multiplied by the inflation factor for random walks. N is multiplied by the factor for
-noise densities; τ and B are not multiplied.
-"""
+"""Figures that `Inflation.walks` multiplies. N is multiplied by `Inflation.densities`, τ and B by nothing."""
 
 
 class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One parameter in the settings of a program.
 
-    Its value is scale · (figure · √rate)^power. The rate is 1, or the rate of samples or steps if `per` says
-    so.
+    Its value is scale · (figure · √rate)^power. With `per` empty, the rate is 1. With "sample" it is the
+    sampling rate, with "step" the number of updates of the program per second.
     """
 
     name: str
@@ -40,8 +38,8 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def value(self, figure: float, rate_hz: float, step_s: float | None) -> float:
         """Return the value of the parameter for a figure in rad, m and s.
 
-        `rate_hz`: sampling rate [Hz]. `step_s`: time between two updates of the program [s], if this is not
-        the sampling period.
+        `rate_hz`: sampling rate [Hz]. `step_s`: time between two updates of the program [s], for a parameter
+        with `per` "step".
         """
         return self.scale * math.pow(figure * math.sqrt(self._rate(rate_hz, step_s)), self.power)
 
@@ -111,7 +109,8 @@ class FilterFigures(NamedTuple):
 
         `common_tau_s`: correlation time for all axes, if the program has only one.
 
-        For times below τ, a Gauss–Markov state with σ and τ behaves as a random walk with K = σ √(2 / τ).
+        "sigma" is computed from K and the correlation time τ: over times shorter than τ, a Gauss–Markov state
+        with σ = K √(τ / 2) behaves as the random walk.
         """
         if figure != "sigma":
             found: Shown = getattr(self, figure)
@@ -170,9 +169,9 @@ def _filled(text: str, rate_hz: float) -> str:
 def _lines(
     program: Program, entry: Entry, shown: Mapping[str, Shown], rate_hz: float, inflation: Inflation
 ) -> Iterator[str]:
-    """Yield the lines of text for a parameter, or the reason why it is not known.
+    """Yield the lines of text for one parameter of a program, or the reason why its value is not known.
 
-    `shown`: the figure of each axis.
+    `shown`: the noise figure of each axis from which the value is computed.
     """
     known = {name: one.value for name, one in shown.items() if one.value is not None}
     factors = inflation.walks(shown) if entry.figure in WALKS else dict.fromkeys(shown, 1.0)
@@ -203,7 +202,7 @@ def _lines(
 
 
 def _remarks(by_axis: Mapping[str, str]) -> list[str]:
-    """Return the remarks. The names of its axes precede a remark, unless all axes have the same remark."""
+    """Return each remark once, as "axes: remark"; the remark alone if all axes have the same one."""
     found: dict[str, list[str]] = {}
     for name, remark in by_axis.items():
         found.setdefault(remark, []).append(name)
