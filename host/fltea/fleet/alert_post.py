@@ -35,7 +35,8 @@ class AlertPost:
 
     def publish(self, listed: Callable[[], AlertList]) -> None:
         """Publish the waiting alerts. `listed`: returns the list of all alerts."""
-        # The broker may still retain the list of an earlier run, or a list from before an outage.
+        # A new connection also needs a new list: the broker may still retain one from before the outage, or
+        # one of an earlier run of this program.
         if self._waiting or self._list_sent != self._listener.connections:
             self._list_sent = self._listener.connections
             self._listener.publish("fleet/alerts", msgspec.json.encode(listed()), retain=True)

@@ -8,7 +8,9 @@ JUMP_S = 60.0
 [s]."""
 
 LONG_JUMP_S = 86_400.0
-"""Jump of the wall clock above which no history is deleted, since the age of its rows is then unknown [s]."""
+"""If the wall clock is set by more than this [s], the age of the history's rows is unknown. The program then
+deletes none of them until it ends.
+"""
 
 
 class Clock:
@@ -16,8 +18,8 @@ class Clock:
 
     When the wall clock is set anew, this clock follows it and counts the event.
 
-    `hearing` is a steady time [s] that stops while the broker is away. So no sensor counts as silent because
-    of an outage of the broker.
+    `hearing` returns another time [s]: the time during which this program was connected to the broker. By
+    this time, no sensor counts as silent because the broker was away.
     """
 
     def __init__(

@@ -248,7 +248,7 @@ class Postgres:
         """
         try:
             (status,) = connection.execute("SELECT txid_status(%s)", (number,)).fetchone()
-        except self.of_a_row:  # the number is higher than any on this server, so it is another server
+        except self.of_a_row:  # this server never had a transaction of that number: it is another server
             return False
         if status == "in progress":
             raise self._library.OperationalError("the transaction that was written last is still under way")

@@ -26,8 +26,8 @@ MOST_POINTS = 200
 LINES = {"N": (-0.5, 0.0), "B": (0.0, math.log(FLICKER)), "K": (0.5, -0.5 * math.log(3))}
 """Straight lines of N, B and K in a log-log Allan plot.
 
-Each line is given by two numbers: its slope, and the logarithm of its Allan deviation at 1 s if N, B or K is
-1.
+For each: the slope of the line, and the logarithm of the line's Allan deviation at 1 s. The latter is for a
+value of 1; for a value v of N, B or K, add log v.
 """
 
 
@@ -116,10 +116,10 @@ def figures_of(fit: AxisFit, rate_hz: float | None, before: dict[str, Figure]) -
 def _of_order(alpha: Figure | None, f: Figure | None) -> dict[str, Figure]:
     """Return α and f if α's interval is narrow enough: half-width at most `ALPHA_KNOWN`.
 
-    With a wider interval, the likelihood may have two maxima, and the interval may contain only the wrong
-    maximum. In one of a hundred fits, α is then wrong by twenty standard deviations. A parameter whose
-    interval reaches the end of the fitted range is left out, since its interval is cut off there and too
-    narrow.
+    If the interval is wider, α is known so badly that the likelihood may have two maxima. The interval may
+    contain only the wrong maximum: in about one of a hundred such fits, α was wrong by twenty of its standard
+    deviations. α or f is also left out if its interval reaches the end of the range in which it is fitted.
+    The interval ends there, so it is too narrow.
     """
     if alpha is None or alpha.high - alpha.low > 2 * ALPHA_KNOWN:
         return {}
@@ -149,11 +149,12 @@ def _sound(value: float, low: float, high: float) -> Figure | None:
 
 
 def _of_allan(allan: Allan) -> dict[str, Figure]:
-    """Return N, B and K, each with the relative interval of a point on the Allan curve.
+    """Return N, B and K, each with an interval taken from a point of the Allan curve.
 
-    N is an average over all points near its straight line, so it gets the narrowest interval of these points.
-    B and K get the interval of the point nearest to their lines, since points at long averaging times are
-    correlated.
+    If the interval of the point is 0.9 to 1.2 of its value, that of the figure is 0.9 to 1.2 of the figure.
+    N is an average over all points whose intervals contain the line of N. So it gets the narrowest of these
+    intervals. B and K come from long averaging times, where points are correlated and an average is hardly
+    more certain than one point. So they get the interval of the point nearest to their line.
     """
     curve = zip(allan.tau_s[:MOST_POINTS], allan.adev, allan.low, allan.high, strict=False)
     points = [Point(*values) for values in curve if min(values) > 0 and max(values) < math.inf]

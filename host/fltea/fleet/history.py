@@ -77,7 +77,7 @@ class LastRows:
         self._last: dict[str, dict[str, _Kept]] = {}
 
     def take(self, unix_s: float, device_id: str, axes: Mapping[str, Axis]) -> tuple[list[str], int]:
-        """Return the axes whose fits are stored now, and the number of axes that a device has too many."""
+        """Return the axes whose fits are stored now, and how many are refused: a device has too many axes."""
         last = self._last.setdefault(device_id, {})
         stored, surplus = [], 0
         for name, axis in axes.items():
@@ -164,7 +164,7 @@ class History:
             self._database.interrupt()
 
     def settle(self) -> None:
-        """Wait until the work that `work` started is done."""
+        """Wait until the writing and deleting that `work` started is done."""
         if self._work is not None:
             self._work.result()
 

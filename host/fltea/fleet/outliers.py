@@ -29,17 +29,18 @@ their spread are not known well enough.
 LEVEL = 0.001
 """Probability that a comparison of all sensors reports an outlier although the fleet has no true outliers.
 
-Fits change as samples are added, so the comparisons of one day are worth some tens of independent
-comparisons. With a level of 1 %, one tenth of healthy fleets of 60 sensors raised an alert on the first day;
-with 0.1 %, none of 160 fleets did.
+Fits change as samples are added. So sensors are compared anew many times a day, and in each comparison chance
+may report an outlier. With a level of 1 %, one tenth of healthy fleets of 60 sensors raised an alert on the
+first day; with 0.1 %, none of 160 fleets did.
 """
 
 MIDDLE = NormalDist().inv_cdf(0.75)
 """Median of |x| for a standard normal variable x."""
 
 EFFICIENCY = 0.3
-"""Degrees of freedom of the spread between sensors, per sensor. The median absolute deviation has an
-efficiency of 0.37 (Rousseeuw & Croux 1993), and estimating the middle and the intervals lowers it further.
+"""For n sensors, Student's t has EFFICIENCY · (n - 1) degrees of freedom. With a standard deviation it would
+have n - 1, but the spread comes from a median absolute deviation (efficiency 0.37, Rousseeuw & Croux 1993).
+Middle and intervals are estimated as well, which lowers the efficiency further.
 """
 
 Floats = NDArray[np.float64]
@@ -110,10 +111,11 @@ def _usual(value: Floats, std: Floats) -> tuple[float, float]:
 
 
 def _spread(away: Floats, std: Floats) -> float:
-    """Return the spread τ of the sensors, for which the median of `away` / √(τ² + `std`²) equals `MIDDLE`.
+    """Return the standard deviation τ of the true values between sensors.
 
-    `away`: distances of the estimates from the middle. `std`: errors of the estimates. `MIDDLE` is the median
-    of |x| for a standard normal x. The result is 0 if the median is smaller even with τ = 0.
+    `away`: distances of the estimates from the usual value. `std`: errors of the estimates. With the right τ,
+    the ratios `away` / √(τ² + `std`²) are |x| of a standard normal x, and their median is `MIDDLE`. So τ is
+    computed from this median. It is 0 if the errors alone explain the distances.
     """
     least, most = 0.0, float(np.median(away)) / MIDDLE + 1e-300
     if np.median(away / std) <= MIDDLE:
@@ -132,7 +134,7 @@ def _weighted_median(value: Floats, weight: Floats) -> float:
 
     If two values are equally close to the middle of the weights, their mean is returned.
     """
-    weight = np.minimum(weight, 3 * np.median(weight))  # so that no single precise sensor dominates
+    weight = np.minimum(weight, 3 * np.median(weight))  # no sensor counts more than three usual ones
     order = np.argsort(value)
     value, below = value[order], np.cumsum(weight[order])
     half = below[-1] / 2

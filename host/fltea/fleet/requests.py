@@ -13,7 +13,7 @@ most ASK_TIMES times. Two requests for one sensor are at least ASK_EVERY_S apart
 
 
 class Requests:
-    """The requests so far on the newest connection to the broker."""
+    """For which sensors the broker was asked, on the newest connection to it, to send messages again."""
 
     def __init__(self) -> None:
         self._asked: dict[str, tuple[int, float]] = {}

@@ -21,7 +21,9 @@ A daemon sends 2 or 3 messages per second.
 """
 
 TWINS, TWINS_S = 3, 600.0
-"""Two programs publish under one name if fit numbers decrease `TWINS` times within `TWINS_S` [s]."""
+"""The numbers of one program's fits rise. If the numbers under one name decrease `TWINS` times within
+`TWINS_S` [s], two programs publish under this name.
+"""
 
 SILENT_S = 90.0
 """A sensor is silent if no message came for this time [s]; a daemon publishes its status every 30 s."""
@@ -59,12 +61,12 @@ class Axis:
 
 @dataclass(slots=True)
 class MessageRate:
-    """How many messages came from one sender. `flooding`: whether the sender floods."""
+    """How many messages came from one sender. `flooding`: whether more than `FLOOD_PER_S` come per second."""
 
     messages: int = 0
     flooding: bool = False
     _window: tuple[float, int] = (0.0, 0)
-    """When the newest span of FLOOD_S began, and the number of messages in it."""
+    """Messages are counted in windows of FLOOD_S: when the newest one began [s], and its messages so far."""
 
     def count(self, now: float) -> None:
         """Count one more message."""
@@ -80,15 +82,16 @@ class MessageRate:
 
 @dataclass(slots=True)
 class FitNumbers:
-    """The fits that came under the name of one device.
+    """The numbers of the fits that came under the name of one device.
 
-    `count`: how many. A fit's number is the number of the epoch, and of the last sample in it.
+    A fit's number is a pair: the number of its epoch, and the number of its last sample in the epoch.
+    `count`: how many fits came.
     """
 
     count: int = 0
     _newest: tuple[int, int] = (-1, -1)
     _decreases: deque[float] = field(default_factory=lambda: deque(maxlen=TWINS))
-    """Times at which a fit came whose number was smaller than that of the fit before."""
+    """Times at which a fit came with a smaller number than the fit before it."""
 
     def is_newest(self, number: tuple[int, int]) -> bool:
         """Return whether the newest fit has this number."""
@@ -106,7 +109,7 @@ class FitNumbers:
         self._newest = (-1, -1)
 
     def has_twin(self, now: float) -> bool:
-        """Return whether two programs seem to publish under the name."""
+        """Return whether two programs seem to publish under the name of this device."""
         return len(self._decreases) == TWINS and now - self._decreases[0] < TWINS_S
 
 
