@@ -245,8 +245,8 @@ class Followed(NamedTuple):
     by a random walk.
     """
     rivals: "Rivals"
-    """The model with an offset that walks and that with a constant offset; one model alone if it is clear
-    which of the two is true.
+    """The model with an offset that walks and that with a constant offset; or one model alone, if one of the
+    two is improbable (`LEAST_RIVAL`) or the noise has too many states (`MOST_OF_RIVALS`).
     """
 
 
