@@ -135,7 +135,7 @@ class RawBlock(NamedTuple):
 
 
 def block_of(samples: Sequence[RawSample]) -> RawBlock:
-    """Return one or more samples, all of the same shape, as columns."""
+    """Return one or more samples as columns. All samples have the same number of axes and the same fields."""
     sequence, device_us, host_ns, gyro, accel, temperature, flags = zip(*samples, strict=True)
     first = samples[0]
     return RawBlock(
@@ -197,8 +197,9 @@ class DeviceAxis(NamedTuple):
 class DeviceEstimator(NamedTuple):
     """The settings with which the device estimates, and the counters of its estimator.
 
-    Tuples have one entry for each of `AXES`; states are in deg/s, variances in (deg/s)². `parameter0` and the
-    other settings of the parameter are about h^α f with the variant "joint", and about f with "triple".
+    Tuples have one entry for each of `AXES`; states are in deg/s, variances in (deg/s)². Fields that begin
+    with `parameter` belong to a parameter that the filters estimate. It is f with the variant "triple", and
+    h^α f with "joint", where h is the sampling period.
     """
 
     host_ns: int
@@ -277,7 +278,7 @@ class Trouble(NamedTuple):
     """Something is wrong with the source.
 
     `kind`: one of the kinds of errors in host/docs/reference/errors.md.
-    `fatal`: whether this trouble ends the command if `--once` is set.
+    `fatal`: whether the program ends because of this event if `--once` is set.
     """
 
     kind: str

@@ -58,7 +58,7 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model, at most half the sampling rate [Hz].
     """
     knee_density: float | None = None
-    """Noise density at `knee_hz`, in the unit of N."""
+    """Noise density of the model at the frequency `knee_hz`, in the unit of N."""
     K_at_most: float | None = None
     """If K is not known: upper bound of K with 95 % probability; null if there is no bound."""
 
@@ -159,16 +159,14 @@ class FittedAxis(Curves, frozen=True):
     verdict: VerdictKind
     """Kind of the noise: `white`, `drift`, `line`, `resonance`, `line or resonance`, `comb`, `low-pass`,
     `high-pass`, `notch`, `relaxations`, `fractional`, `fractional or relaxations`, `anti-persistent`,
-    `undecided`, `not stationary`, `constant`, `too few samples`; by the rules of `fltea identify`, at a
-    significance level that holds for all repeated fits together."""
+    `undecided`, `not stationary`, `constant`, `too few samples`. The rules are those of `fltea identify`. But
+    a live fit, which is repeated again and again, has to be surer before it rejects white noise."""
     text: str
     """The verdict in sentences: what the noise is, how sure that is, what to do."""
     unit: str
     """`deg/s`, or `m/s^2` for axes of the accelerometer; s2 and R are in the square of this unit."""
     null_p: float | None = None
-    """p-value of the test for white noise with all samples so far, peaks and drift included. The p in `text`
-    is that of the same test without them.
-    """
+    """p-value of the null test, which is for white noise. It is computed from all samples so far."""
     alpha: Interval = Interval()
     """The order α; null if the noise has no order."""
     f: Interval = Interval()
@@ -176,12 +174,14 @@ class FittedAxis(Curves, frozen=True):
     F: Interval = Interval()
     """F = h^α f + α, with the sampling period h: the combination of α and f that the data determine best."""
     s2: Interval = Interval()
-    """Variance, for one sample, of the noise ω that drives the state: h^2α Q [`unit` squared]."""
+    """Variance of the noise that is added to the state at each sample: h^2α Q, where h is the sampling period
+    and Q the variance of the model's ω [`unit` squared].
+    """
     R: Interval = Interval()
     """Variance of the white noise [`unit` squared]."""
     odds: float | None = None
-    """Odds that the noise is fractional, which means that it has an order; null if the noise is
-    indistinguishable from white noise, or if no fractional model fits.
+    """How many times likelier it is that the noise has an order (is fractional) than that it has none. Null
+    if the noise cannot be told from white noise, or if no model with an order was fitted.
     """
 
 
@@ -191,25 +191,25 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     rate_left_out: list[tuple[float, float]] = []
     """Frequency bands of spectral lines and resonances, which are left out of the fit [Hz]."""
     left_out: dict[str, int] = {}
-    """Number of samples that the fit does not use, by cause (`lost`, `knocked`, `moved`, …). `bridged` counts
-    lost samples in whose place the fit uses a straight line. `limited` counts used samples whose size was
-    reduced to a limit. A restart counts as nine lost samples.
+    """Number of samples that the fit leaves out or changes, by cause. Left out: `lost` (nine or more for each
+    restart), `knocked` (during a shock or step), `moved` (in motion). Changed: `bridged` (lost samples in
+    whose place the fit uses a straight line), `limited` (samples that exceeded a limit and are set to it).
     """
     breaks: dict[str, int] = {}
-    """Number of interruptions between the samples that are fitted together, by cause: `gaps`, `knocks` (each
-    leaves 128 samples out), `motions`, `steps` of the offset, lasting `changes` of the power.
+    """How often the series of fitted samples is interrupted, by cause: `gaps`; `knocks` (shocks, for each of
+    which 128 samples are left out); `motions`; `steps` of the bias; `changes` of the noise's power that last.
     """
     low_pass: FitLowPass | None = None
     """A low-pass filter that the noise has passed; the fitted parameters describe the noise before the
     filter.
     """
     high_pass: FitHighPass | None = None
-    """A high-pass filter that the noise has passed. Such a filter removes drift, so nothing is known of the
-    drift, and the bias is the mean of the filter's output.
+    """A high-pass filter that the noise has passed. Such a filter removes the sensor's bias and its drift, so
+    nothing is known of them. The published bias is only the mean of what the filter lets pass.
     """
     until_s: Until | None = None
     """Time until α's interval is as narrow as the user wants."""
     stable: bool = True
-    """Whether the verdict is stable. It is stable if two fits agreed, of which the later had a tenth more
-    samples, or if the fit used a whole recording.
+    """Whether the verdict is stable: either the fit used a whole recording, or an earlier fit, as a rule with
+    a tenth fewer samples, had the same verdict.
     """

@@ -10,9 +10,10 @@ PERIOD_NS = 3600 * 10**9
 
 
 class FewIdentities:
-    """Admits at most `MOST` different identities within `PERIOD_NS`, enough for boards exchanged by hand.
+    """Admits at most `MOST` different identities within `PERIOD_NS`.
 
-    An admitted identity stays admitted as long as it arrives at least once within each period.
+    Nobody who exchanges boards by hand exceeds this number. An admitted identity stays admitted as long as it
+    arrives at least once within each period.
 
     `turned_away`: number of refusals.
     """

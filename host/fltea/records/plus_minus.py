@@ -48,5 +48,5 @@ def within(std: float, unit: str = "") -> str:
 
 
 def fixed(value: float, digits: int) -> str:
-    """Return a number as text in decimals, or with a power of ten if it is large."""
+    """Return a number with `digits` decimal places, such as 0.75, and from `LARGE` on with a power of ten."""
     return f"{value:.{digits}f}" if abs(value) < LARGE else f"{value:.{digits}e}"

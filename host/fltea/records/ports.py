@@ -74,9 +74,9 @@ class Departed(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """Which records of a block are converted to text.
+    """Which records of a block of samples an output takes as text.
 
-    `nulls`: whether the text includes fields that are null.
+    `nulls`: whether the text also shows those fields whose value is null.
     """
 
     samples: bool = False
@@ -88,9 +88,9 @@ class Wanted(NamedTuple):
 class Printed(NamedTuple):
     """Records of samples as lines of text, for sinks that set `prints`.
 
-    `records`: number of records in `data`, counted as in `Block.weight`.
-    `parts`: for each device, the monotonic arrival time of the newest sample [ns] and the number of records,
-    from which the latency is computed.
+    `data`: the text. `records`: number of records in `data`.
+    `parts`: for each device in `data`, two numbers: the monotonic time at which its newest sample arrived
+    [ns], and its number of records. The latency of the output is computed from them.
     """
 
     data: bytes
@@ -99,7 +99,9 @@ class Printed(NamedTuple):
 
 
 Item = AnyRecord | Block | Printed | TransportEvent | Reads
-"""Types of items that a sink receives. Only sinks with `takes_wire` receive transport events and `Reads`."""
+"""What a sink may receive. Only sinks with `takes_wire` receive the port's events (`TransportEvent`) and the
+undecoded bytes (`Reads`).
+"""
 
 Report = Callable[[str, str], None]
 """Function that reports an error to all outputs. Its arguments are the kind and the text of the error. Any
@@ -117,8 +119,8 @@ class SinkClosed(Exception):
 class Sink:
     """Base class of all outputs. A subclass must define `write`, and may define the other methods.
 
-    Every method is called from one thread. When `write` cannot store a record, the sink counts it in `lost`,
-    reports the cause once through its `Report`, and continues.
+    Every method is called from one thread. When `write` cannot store a record, the sink counts the record in
+    `lost`, calls its function of type `Report` once for each cause, and continues.
 
     `name`: key of the output's counts in `stats.outputs`.
     `lossless`: a replay that is faster than real time waits for this sink instead of dropping records.
@@ -126,7 +128,7 @@ class Sink:
     `together`: one thread serves all sinks with this name, so none of them may wait for long.
     `prints`: which records of samples the sink takes as text (`Printed`). None if it takes samples as blocks
     instead.
-    `capacity`: number of items that may wait in the queue; when it is full, newer items are dropped.
+    `capacity`: number of records that may wait in the queue. While it is full, records that come are dropped.
     `rest_s`: pause after each writing [s]. Records of many devices that come in the pause are written
     together, so that the computer switches between threads less often.
     """

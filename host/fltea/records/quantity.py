@@ -26,8 +26,7 @@ _ACCEL = {
     "mg": 1e3 / STANDARD_GRAVITY_MS2,
     "µg": 1e6 / STANDARD_GRAVITY_MS2,
 }
-"""For each unit of acceleration, how many of it equal 1 m/s². `_GYRO` has for each unit of angular rate how
-many of it equal 1 deg/s.
+"""Factors from m/s² to other units: 1 m/s² has this number of each unit. `_GYRO` has the factors from deg/s.
 """
 
 
@@ -189,7 +188,7 @@ class Quantity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def quantity_of(interval: Interval, unit: str, at_most: float | None = None) -> Quantity:
-    """Return a quantity from its value and interval, and its upper bound, in `unit`."""
+    """Make a `Quantity` of a value with its interval and of an upper bound. All are in `unit`."""
     return Quantity(interval.value, interval.low, interval.high, at_most, unit)
 
 
@@ -226,9 +225,10 @@ def number(value: float, digits: int = FEWEST_DIGITS) -> str:
 
 
 def _digits(value: float, half: float) -> int:
-    """Return the number of significant digits with which `value` is as exact as `half` with two digits.
+    """Return the number of significant digits of `value` for a text.
 
-    `half`: half-width of the interval.
+    The last digit of `value` has the same place as the second digit of `half`, the half-width of the
+    interval: for 0.7549 ± 0.0043, the result is 4.
     """
     if value == 0 or half <= 0:
         return FEWEST_DIGITS

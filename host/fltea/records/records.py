@@ -149,11 +149,11 @@ class Estimate(Placed, frozen=True, tag="estimate"):
 
 
 class DeviceEstimates(Placed, frozen=True, tag="device_estimate"):
-    """The device's own estimates after a sample. The record `estimate` has the estimates of this computer.
+    """The device's own estimates after a sample, with `--estimate-on both` only.
 
-    This record comes only with `--estimate-on both`; with `--estimate-on device`, the records `estimate` hold
-    the device's estimates. The record comes later than its sample, since the device needs time to estimate.
-    An axis whose message was lost in transit is left out.
+    The record `estimate` then has the estimates of this computer. (With `--estimate-on device`, it has the
+    device's.) A `device_estimate` comes later than its sample, since the device needs time to estimate. It
+    leaves out an axis whose message was lost in transit.
     """
 
     variant: str
@@ -183,8 +183,8 @@ class Fit(Placed, frozen=True, tag="fit"):
     a minute at least. It also comes within a second after a step of the bias or a change of the noise's
     power. If `live.period_s` is given, the record comes once in each such period instead. A last record, with
     curves, comes at the end of a recording, or of a run with `--once`. A fit uses the samples up to `seq` and
-    is published a little later; estimates use it from the next sample on. A replay gives the same records as
-    the live run.
+    is published a little later. From the first sample after its publication, the fit is used for the records
+    `estimate`. A replay gives the same records as the live run.
     """
 
     samples: int
@@ -261,7 +261,8 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
     guard: str
     """The guard that keeps the filters from diverging: `off` (none, as in the paper), `faithful` (bounds), or
-    `consistent` (bounds, and the variance of the state, which the paper's algorithm leaves out).
+    `consistent` (bounds; also, the filters of α and f count the variance of the state, which the paper's
+    filters leave out).
     """
     window: int
     """Length L of the filters' memory in samples; 0 means unlimited."""
@@ -311,8 +312,8 @@ class Stats(Record, frozen=True, tag="stats"):
     """Counts and health of source, estimators and outputs.
 
     This record comes once a second, when the start-up window is full, and at the end. Counts begin at the
-    start of the program. For each boot of a device, `delivered` + `lost` is the number of samples that the
-    device took, from the first sample that is used to the last.
+    start of the program. For each boot of a device, `delivered` + `lost` counts all samples that the device
+    took from its first used sample to its last used one.
     """
 
     epoch: int

@@ -14,8 +14,8 @@ libraries end the process, and others hang.
 """
 
 WORDS = "can't start new thread", "failed to map segment", "cannot allocate memory", "memory allocation"
-"""Parts of the texts of errors by which threads, the loader of libraries, and some libraries report a lack of
-memory.
+"""An error whose text contains one of these says that memory is lacking. Such errors come from the start of a
+thread, from the loading of a library, and from some libraries.
 """
 
 

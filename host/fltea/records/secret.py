@@ -1,8 +1,8 @@
 """Refuse passwords in addresses, in settings and command lines, and hide them in the program's messages.
 
-Everybody on a machine can read the command lines of all its programs, and records, recordings and messages
-repeat an address. So no address may hold a password, and each kind of server has a better way to receive a
-password.
+Everybody on a machine can read the command lines of all its programs. Records, recordings and messages show
+addresses, too. A password in an address would be public, so such an address is refused, and the error names a
+safer place for the password of this kind of server.
 """
 
 import re

@@ -44,12 +44,12 @@ class SensorKind(NamedTuple):
     scale_field: str
     """Field of `Hello` that states the sensor's scale, the number of counts in 1 deg/s or in 1 g."""
     scale_size: float
-    """The field `scale_field` of `Hello` says how many counts are 1 deg/s or 1 g. This is the same quantity,
-    1 deg/s or 1 g, in `unit`.
+    """The quantity whose counts `scale_field` states, in `unit`: 1 for 1 deg/s in deg/s, 9.80665 for 1 g in
+    m/s².
     """
 
     def resolution(self, hello: WithScales) -> float | None:
-        """Return the size of one count in `unit`; None if the scale is not known or samples are no counts."""
+        """Return the size of one count in `unit`; None if it is not known, or the samples are not counts."""
         scale: float | None = getattr(hello, self.scale_field)
         return self.scale_size / scale if scale else None
 

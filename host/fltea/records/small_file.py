@@ -93,7 +93,7 @@ def open_stream(path: Path) -> BinaryIO:
         return opened.result(PATIENCE_S)
     except TimeoutError:
         opened.add_done_callback(lambda late: late.exception() or late.result().close())
-        # this opens the pipe for writing: the other thread, which waits for a writer, then ends
+        # the thread `wait` still waits for a writer: open the pipe for writing, so that the thread ends
         with contextlib.suppress(OSError):
             os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK))
         raise UsageError(

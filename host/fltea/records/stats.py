@@ -41,7 +41,7 @@ class DeviceStatus(msgspec.Struct, frozen=True):
     """Longest duration of one pass of the device's main loop since the device's last report [µs]."""
 
 
-# The sources fill `LinkStats`. What is found in the samples, such as a gap's length, is in `SampleStats`.
+# The sources count in `LinkStats`. Gaps and other findings in the samples are counted in `SampleStats`.
 class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Counts of bytes and frames that arrived or were lost in transit, since the start of the program."""
 
@@ -69,7 +69,7 @@ class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return {reason: count for reason, count in self.bad_frames.items() if reason != "partial"}
 
 
-# `fltea.stream.decode` fills it, for live devices and for `fltea info`, from the counts of the native code.
+# `fltea.stream.decode` makes these counts from those of the native code, for live devices and `fltea info`.
 class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Counts of used, lost and refused samples, since the start of the program."""
 
@@ -91,12 +91,16 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Comparison of Bias(T), the bias expected over the next T seconds, with the mean of the samples then."""
+    """How well Bias(T) was right: the tracker's forecast of the mean bias over the next T seconds.
+
+    Each forecast is compared with the mean of the samples of these T seconds.
+    """
 
     pieces: int
-    """Number of periods of T seconds, all at rest, that were compared."""
+    """Number of compared periods. Each period has T seconds, and the sensor was at rest in all of it."""
     rms: float
-    """Root mean square of the differences, each divided by its own σ. It is 1 if Bias(T) and its σ are right.
+    """Root mean square of the forecasts' errors, each divided by its σ. It is 1 if Bias(T) and its σ are
+    right.
     """
 
 
@@ -119,16 +123,16 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     moved: int
     """Number of samples in motion, during which the tracker only predicted the bias."""
     restarts: int
-    """Number of restarts of the tracker. It restarts if the offset differs for ten seconds from the tracker's
-    value.
+    """Number of restarts of the tracker. It restarts if the sensor, at rest, shows for ten seconds or longer
+    another bias than the tracker's.
     """
     K: Interval = Interval()
-    """Random walk of the offset, estimated from the samples in the time domain [`unit`/√s]; null if the
-    offset may be constant.
+    """Random walk K of the bias, estimated from the samples in the time domain [`unit`/√s]; null if the bias
+    may be constant.
     """
     heading_std: dict[int, float] = {}
-    """Standard deviation of the heading, by the number of seconds since the last sample at rest: 1, 10, 60,
-    600, 3,600 [deg]."""
+    """Standard deviation of the heading after a time without rest [deg]. The keys are this time in seconds:
+    1, 10, 60, 600, 3,600."""
     bias: float | None = None
     """The bias after the newest sample [`unit`]."""
     bias_std: float | None = None
@@ -140,7 +144,7 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     checked: dict[int, BiasCheck] = {}
     """Comparisons of Bias(T) with the mean of the T seconds that followed. The keys are T: 1, 10, 60 s."""
     bias_for_s: float = 1.0
-    """The published bias is the mean that is expected over this time [s]."""
+    """The published bias is a forecast: the mean of the bias over the coming `bias_for_s` seconds [s]."""
 
 
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -171,8 +175,8 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     device estimates [`unit` squared].
     """
     tuned: bool = False
-    """Whether the live fit has set the filters' variances Q and R, and the values of α and f from which the
-    filters started (setting `estimator.tuning`).
+    """Whether the filters use a live fit: their variances Q and R are those of the fit, and they started with
+    the fit's α and f (setting `estimator.tuning`).
     """
     describes_noise: bool | None = None
     """False if the filters' α and f do not describe the noise, for one of three reasons: the innovations are
@@ -188,7 +192,7 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     """State and counts of the device's own estimator."""
 
     begun: int
-    """Number of new start-up windows of the estimator since the device's boot."""
+    """How often the device's estimator has begun to fill a start-up window since the device's boot."""
     startup_remaining: int
     """Number of samples until the device's start-up window is full."""
     every: int
@@ -220,7 +224,9 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     fits: int = 0
     """Number of fits (of one axis each) that arrived."""
     fits_refused: int = 0
-    """Number of fits with impossible numbers, or that arrived before the first sample."""
+    """Number of the device's fits that this computer did not use. They had impossible numbers, or arrived
+    before the first sample.
+    """
     longest_slice_us: int = 0
     """Longest time since the device's boot for which a fit has computed without a pause [µs]."""
 

@@ -58,7 +58,7 @@ def _failed(folder: object, error: OSError) -> TemporaryFailed:
 class _File(io.FileIO):
     """A temporary file that raises `TemporaryFailed` in place of OSError.
 
-    Reading the recording itself may raise OSError, too, and the two causes can so be told apart.
+    An OSError then always comes from reading the user's recording, and not from a temporary file.
     """
 
     def __init__(self, file: Any, mode: str, folder: object) -> None:
@@ -129,8 +129,8 @@ def work_folder() -> Iterator[Path]:
 def process_folder() -> Path:
     """Return a folder for temporary files, the same at each call, which is removed when this process ends.
 
-    If SIGTERM or SIGHUP ends the process, the folder is removed at once only while `work_folder` is in use,
-    which handles these signals. Otherwise a later process removes it.
+    Only `work_folder` handles SIGTERM and SIGHUP. If such a signal comes while `work_folder` is in use, the
+    folder is removed at once. If it comes at another time, a later process removes the folder.
 
     Raises:
         TemporaryFailed: the folder cannot be made.
@@ -158,7 +158,7 @@ def _new_folder() -> Iterator[Path]:
             made = made.rename(made.with_name(made.name.replace(NEW_PREFIX, PREFIX, 1)))
         yield made
     finally:
-        if os.getpid() == owner:  # not in a process that was forked from this one
+        if os.getpid() == owner:  # a forked process must not remove the folder
             shutil.rmtree(made, ignore_errors=True)
         os.close(held)
 

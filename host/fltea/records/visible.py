@@ -2,8 +2,8 @@
 
 Strings from boards, file names and recordings may contain ESC (which moves the cursor, renames the window, or
 makes some terminals type), newlines that imitate messages of this program, or marks that reverse the reading
-order. Records keep such strings unchanged, since a replay has to equal its recording and JSON escapes them.
-The characters are made visible when the text is written to a terminal, a journal or the page.
+order. Records keep such strings unchanged: a replay has to equal its recording, and in JSON these characters
+are escaped, so they do no harm. They are made visible in text for a terminal, a journal or the page.
 """
 
 
