@@ -60,8 +60,8 @@ def run(configs: Sequence[Config]) -> None:
 
 
 POLL_S = 1.0
-"""Time between two checks whether every device stream still handles events [s]. If so, this is reported to
-the service manager (systemd).
+"""Time between two checks whether every device stream still handles events [s]. If every one does, the
+service manager (systemd) is told that the program works.
 """
 
 STUCK_S = 20.0
@@ -237,7 +237,7 @@ class _Run:
         return Ingest(config, self._hub, receiver_of(config), self._end, self._fit_worker)
 
     def _end(self, stream: "DeviceStream | Ingest", error: Exception | None) -> None:
-        """Note that the device stream or shared source `stream` has ended.
+        """Note that `stream` has ended: the stream of one device, or the messages of all devices of a broker.
 
         An error in one source ends the whole program. Otherwise a user might believe that all sources still
         work.

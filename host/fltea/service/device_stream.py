@@ -24,8 +24,8 @@ from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 
 CHANGES_TEXT = {Stop.EPOCH, Stop.FIT_COUNTS}
-"""Some fields, such as the verdict, are equal in all records of samples until the native device (C++) stops
-for one of these reasons. Then they may change.
+"""If the native device (C++) stops for one of these reasons, fields such as the verdict may change. Between
+two such stops, these fields have the same values in all records of samples.
 """
 
 
@@ -45,7 +45,7 @@ class WireCopy:
             source.tap = tap
 
     def take(self, event: Event) -> None:
-        """Encode an event and pass its bytes on, unless the source has passed them itself."""
+        """Encode an event and pass its bytes on. Do nothing if the source passes its bytes itself."""
         if self._is_own:
             return
         if not self.tap.wanted:
@@ -67,7 +67,7 @@ class Saves:
         self._due_ns = clock.host_ns() + self._period_ns
 
     def refuse(self) -> None:
-        """Set the snapshot aside that was found, since an estimator has refused it."""
+        """Set aside the snapshot that the file had of this device, since an estimator has refused it."""
         self._file.refuse(self._name)
 
     def is_due(self) -> bool:
@@ -139,7 +139,7 @@ class DeviceStream:
     def took(self, arrived_ns: Ints, rows: Rows, *, unprinted: bool) -> None:
         """Publish samples that the native device (C++) has processed.
 
-        `unprinted`: True if native code has not converted these samples to text.
+        `unprinted`: True if outputs take these samples as text, but native code has not made this text.
         """
         found = list(self._pipeline.took(rows, arrived_ns))
         is_printed = not (unprinted or self._pipeline.has_board)
@@ -149,10 +149,9 @@ class DeviceStream:
             self._print_as(next(one for one in found if isinstance(one, Block)))
 
     def stopped(self, stop: Stop, now_ns: int, details: Any) -> None:
-        """Handle what has stopped the native device (C++).
+        """Do what has to be done between two samples, such as the start of a refit.
 
-        The native device processes samples, and stops when something else has to be handled.
-
+        For this the native device (C++) has stopped processing samples. `stop`: what has to be done.
         `now_ns`: arrival time of the sample at which the native device stopped [ns].
         """
         self._publish(list(self._pipeline.stopped(stop, now_ns, details)), NOTHING_PRINTED, now_ns)
@@ -165,9 +164,9 @@ class DeviceStream:
             self._saves.put(self._pipeline.save())
 
     def wants(self) -> tuple[bool, bool, bool]:
-        """Return three flags: whether any output takes samples as blocks, as printed text, as bytes.
+        """Return in which forms the outputs take the device's samples, as three flags.
 
-        Printed text means records as lines of text.
+        The flags are for blocks, for lines of text, and for the bytes of the wire.
         """
         has_board, texts = self._pipeline.has_board, self._hub.printing(self.name)
         takes_blocks = has_board or self._hub.takes_blocks(self.name)
@@ -179,10 +178,9 @@ class DeviceStream:
         return self._pipeline.device
 
     def _printed(self, items: Iterable[AnyRecord | Block]) -> tuple[list[AnyRecord | Block], ByText]:
-        """Return two things: the list of records and blocks, and for each kind of text the list with text.
+        """Return `items` as a list, and copies of this list in which text replaces the blocks of samples.
 
-        The kinds of text are those that outputs take. A list with text has the same records, but each block
-        is converted to text.
+        There is one copy for each kind of text that an output takes.
         """
         texts = () if self._pipeline.has_board else self._hub.printing(self.name)
         found: list[AnyRecord | Block] = []
@@ -206,9 +204,9 @@ class DeviceStream:
         return found, printed
 
     def _lines_of(self, block: Block, text: Wanted | None) -> tuple[list[Block | Printed], int]:
-        """Return a block's rows as text that native code has made, and the number of rows without text.
+        """Return a list with the text of a block, and the number of rows that have no text.
 
-        The rows without text are returned as a block, after the text.
+        Native code has made the text. If it made none for the last rows, they follow in the list as a block.
         """
         printer = self._printers.get(text)
         if printer is None:
@@ -220,8 +218,8 @@ class DeviceStream:
     def _print_as(self, block: Block) -> None:
         """Let the native device (C++) convert later samples to text.
 
-        Some fields are equal in all rows of `block`. The text of later samples contains the values of these
-        fields.
+        Fields that are equal for all samples, such as the verdict, have in this text the same values as in
+        `block`.
         """
         self._printers = {text: run_printer(block, text) for text in self._hub.printing(self.name)}
         self.device.set_printers(list(self._printers.values()))
@@ -252,8 +250,9 @@ class DeviceStream:
         return self._pipeline.save()
 
     def finish(self, *, whole: bool = False, now_ns: int = 0) -> None:
-        """End the stream. `whole`: whether the source has ended by itself, so that all its samples were used.
+        """End the stream.
 
+        `whole`: whether the source has ended by itself. Only then were all its samples used.
         `now_ns`: arrival time of the newest sample that native code has processed [ns]; 0 if there is none.
         """
         self.moved_s = math.inf

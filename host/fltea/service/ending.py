@@ -13,7 +13,8 @@ OTHER_S = 10.0
 """After a signal to end, the program waits this long for sources, device streams and other outputs to end,
 since they may hang [s].
 
-`KEEP_S` and `OTHER_S` together are less than the 90 s after which a service manager kills the program.
+This time and `KEEP_S`, the time for snapshots and recordings, are together less than 90 s. After 90 s, a
+service manager kills the program.
 """
 
 SAY_S, POLL_S = 3.0, 0.05
@@ -39,9 +40,9 @@ class Ending:
     As soon as a signal or a failure asks for the end, the waiting has a time limit.
 
     `asked`: function that returns whether a signal or a failure has asked for the end. `signals`: function
-    that returns the number of signals received. Once a message says that the program waits, one more signal
-    ends the waiting. `say`: function that writes a message. `left`: names of the tasks that did not end in
-    time. `lost`: names of the tasks in `left` whose data exist nowhere else.
+    that returns the number of signals received. After a few seconds, a message says for which task the
+    program waits. One more signal after this message ends the waiting. `say`: function that writes a message.
+    `left`: names of the tasks that did not end in time. `lost`: those of them whose data exist nowhere else.
     """
 
     def __init__(

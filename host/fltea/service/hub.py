@@ -13,11 +13,11 @@ from fltea.service.ending import Awaited
 from fltea.service.sink_queue import SinkQueue, SinkThread
 
 ESSENTIAL = "stdout"
-"""Name of an output. If this output fails or ends, and no other output is left, the program ends."""
+"""Name of the standard output. Once it has failed or ended, the program ends if no other output is left."""
 
 ByText = Mapping[Wanted | None, Sequence[AnyRecord | Block | Printed]]
-"""The records of a device, once for each kind of printed text. Samples that were converted to text appear as
-this text.
+"""Lists with the same records of a device. Each list is for the outputs that want one kind of text (the key),
+and has this text in place of the samples.
 """
 
 NOTHING_PRINTED: ByText = MappingProxyType({})
@@ -82,8 +82,8 @@ class Hub:
         """Queue a device's records.
 
         `printed`: the same records, with samples as text, for outputs that take printed text (see
-        `printing`). `wait`: if an output must not lose records and its queue is full, whether to wait until
-        there is room.
+        `printing`). `wait`: whether to wait for room in a full queue. This applies only to outputs that must
+        not lose records.
         """
         for sink_queue in (*self._shared, *self._of.get(device, ())):
             own = printed.get(sink_queue.sink.prints, records)
@@ -94,7 +94,7 @@ class Hub:
                 self._log.put(errors)
 
     def printing(self, device: str) -> dict[Wanted, list[SinkQueue]]:
-        """For each kind of printed text, return the outputs that take the device's samples in this form."""
+        """Return the outputs that take a device's samples as text, by the kind of text that they take."""
         found: dict[Wanted, list[SinkQueue]] = {}
         for sink_queue in (*self._shared, *self._of.get(device, ())):
             if sink_queue.sink.prints is not None:
@@ -102,13 +102,16 @@ class Hub:
         return found
 
     def print(self, text: Wanted, printed: Printed) -> None:
-        """Queue a text with records of many devices, for the shared outputs that take this kind of text."""
+        """Queue `printed`, which has records of many devices as text of the kind `text`.
+
+        It goes to the shared outputs that take text of this kind.
+        """
         for sink_queue in self._shared:
             if sink_queue.sink.prints == text:
                 sink_queue.put((printed,))
 
     def takes_blocks(self, device: str) -> bool:
-        """Return whether any output of a device takes the samples in a form other than printed text."""
+        """Return whether any output of a device takes the samples as blocks (not as text)."""
         return any(
             sink_queue.sink.prints is None for sink_queue in (*self._shared, *self._of.get(device, ()))
         )
@@ -132,7 +135,10 @@ class Hub:
             sink_queue.put((Departed(device, moved),))
 
     def tap(self, device: str, *, wait: bool) -> "Tap":
-        """Return the `Tap` to which all bytes and events from a device's wire have to be passed."""
+        """Return the `Tap` of a device: the caller passes it all that the device's wire carries.
+
+        The tap passes these bytes and events on to the outputs that record them.
+        """
         return Tap(lambda: self._of.get(device, []), wait)
 
     def report(self, device: str | None = None) -> Callable[[str, str], None]:

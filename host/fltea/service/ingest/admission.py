@@ -15,8 +15,8 @@ CANDIDATES = 50_000
 CANDIDATE_NS = 60 * 10**9
 
 FIRST_BYTES = 8_000_000
-"""A first message is kept until its device sends a second one. All first messages that are kept together have
-at most this size [bytes].
+"""A device is admitted with its second message, and its first message is kept until then. All first messages
+that are kept have together at most this size [bytes].
 """
 
 M = TypeVar("M")
@@ -49,8 +49,9 @@ class Admission(Generic[M]):
 
     So a name that somebody makes up for a single message takes only an entry in a list of limited length, and
     keeps no device out.
-    `reserved`: a name that no device may have. `turned_away`: for each verdict other than "in" and "new", the
-    number of messages that were refused or still wait.
+    `reserved`: a name that no device may have. `turned_away`: for each verdict with which a message is not
+    accepted at once, the number of such messages. A first message whose device is admitted by its second one
+    is not counted any more.
     """
 
     def __init__(self, limit: int, reserved: str = "") -> None:
@@ -67,9 +68,12 @@ class Admission(Generic[M]):
     def judge(self, name: str, now_ns: int, message: M, size: int) -> tuple[Verdict, M | None, int]:
         """Judge a message of `size` bytes, and count it if it is not accepted.
 
-        Return the verdict, a message and a size in bytes. With the verdict "new", the message is the first
-        one of the device, which waited until now, and the size is 0. If the first message was not kept, the
-        message is None, and the size is the first message's. With other verdicts these are None and 0.
+        Return three values:
+
+            The verdict on the message.
+            With the verdict "new", the device's first message, which waited until now; otherwise None. It is
+            None, too, if there was no room to keep the first message.
+            The size in bytes of a first message that could not be kept; 0 in all other cases.
         """
         if name in self._admitted:
             return "in", None, 0

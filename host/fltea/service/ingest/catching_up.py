@@ -7,12 +7,12 @@ some messages earlier than the previous worker has stopped, so it processes thes
 from dataclasses import dataclass
 
 BEHIND_NS = 5 * 10**9
-"""No device of a partition counts as silent for this long after a message of the partition was read late
+"""After a message of a partition was read late, no device of the partition counts as silent for this time
 [ns].
 """
 
 WAITED_NS = 2 * 10**9
-"""If a message waited at least this long before it was read, its partition is read late [ns]."""
+"""A message was read late if it waited at least this long [ns]."""
 
 IN_TIME_NS = 10**9
 """If a message waited less than this before it was read, the worker has caught up with its partition [ns]."""
@@ -31,7 +31,10 @@ class _Again:
 
 
 class CatchingUp:
-    """Follows how a worker reads each of its partitions, from when it took the partition over."""
+    """Knows for each partition of a worker how late its messages are read.
+
+    It also counts the messages of the partition that the worker processes a second time.
+    """
 
     def __init__(self) -> None:
         self._again: dict[int, _Again] = {}
@@ -39,7 +42,7 @@ class CatchingUp:
         self._behind_ns: dict[int, int] = {}
 
     def begin(self, partition: int, done: int) -> None:
-        """Begin to serve a partition. Another worker has processed its messages up to number `done`."""
+        """Begin to serve a partition. `done`: number of its last message that another worker processed."""
         self._again[partition] = _Again(done)
 
     def forget(self, partition: int) -> None:
@@ -67,10 +70,10 @@ class CatchingUp:
         return now_ns - self._behind_ns.get(partition, 0) < BEHIND_NS
 
     def walked_again(self, partition: int, mark: int) -> int:
-        """Remember that message number `mark` of a partition was processed.
+        """Count message number `mark` of a partition if it is processed a second time.
 
-        After another worker has stopped, its last messages are processed a second time. Return how many, if
-        this is the first message after those; else 0.
+        If the message is the first one that is not, return the number of messages that were processed a
+        second time. Otherwise return 0.
         """
         again = self._again.get(partition)
         if again is None:

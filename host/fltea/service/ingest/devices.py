@@ -59,10 +59,9 @@ class OpenDevice:
 class Devices:
     """Opens, feeds and ends the streams of all devices, in one thread.
 
-    `config`: settings of every device. `url`: URL of the broker. `shared`: this worker's part of the
-    partitions of devices, if there are several workers. `fit_worker`: thread that refits the noise of all
-    devices. `wait_for_room`: function that is called before each event, and returns when the outputs have
-    room.
+    `config`: settings of every device. `url`: URL of the broker. `shared`: the partitions that this worker
+    serves; None if there is only one worker. `fit_worker`: thread that refits the noise of all devices.
+    `wait_for_room`: function that is called before each event, and returns when the outputs have room.
     """
 
     def __init__(
@@ -111,9 +110,10 @@ class Devices:
         return device
 
     def feed(self, name: str, item: Chunk | Reads | None) -> None:
-        """Process what came from a device. If an error occurs, end the device's stream.
+        """Process bytes of a device. If an error occurs, end the device's stream.
 
-        `item`: None if nothing came and the stream is only told the time.
+        `item`: the bytes. None says that none came for a while, so that the stream does what is due by the
+        clock.
         """
         device = self.opened[name]
         try:
@@ -136,12 +136,11 @@ class Devices:
         self._give_up(name, moved=moved)
 
     def check(self, now_ns: int, is_silent: Callable[[OpenDevice], bool]) -> None:
-        """Tell the streams of silent devices the time.
+        """Tell the stream of each silent device that no message came (see `feed`).
 
-        End the streams of devices that are silent for too long.
+        End the streams of devices from which no message came for too long.
 
-        `is_silent`: function that returns whether a device without new messages is truly silent. It is not if
-        messages of it may still wait in the broker.
+        `is_silent`: function that returns False for a device of which messages may still wait in the broker.
         """
         forget_ns = int(self._config.ingest.forget_s * 1e9)
         for name, device in list(self.opened.items()):
@@ -157,7 +156,7 @@ class Devices:
     def _give_up(self, name: str, *, moved: bool) -> None:
         device = self.opened.pop(name)
         if not moved and device.partition is not None and self._shared is not None:
-            # without this, another worker would continue from the device's snapshot
+            # otherwise another worker could find the device's old snapshot later, and continue from it
             self._shared.drop(device.partition, name)
         self._hub.depart(name, moved=moved)
         self._fit_worker.devices -= 1

@@ -1,13 +1,13 @@
 """Limit how many bytes one device may publish per second.
 
 The time of a message is the time at which the broker's stream received it, not the time at which it is read.
-After an outage, or in place of another worker, a worker reads the messages of hours at once. By the time of
-reading, these messages would exceed the limit.
+After an outage, or in place of another worker, a worker reads the messages of hours within seconds. If the
+time of reading counted, these messages would exceed the limit.
 """
 
 MESSAGE_BYTES = 200
-"""Each message counts as this number of bytes more than its frames have, since the message itself takes
-memory and time.
+"""This number of bytes is added to the size of each message, since even an empty message takes memory and
+time.
 """
 
 SECOND_BYTES = 1 << 18

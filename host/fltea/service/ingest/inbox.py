@@ -38,10 +38,11 @@ class Message(NamedTuple):
 class Served(NamedTuple):
     """Item of the queue that says that this worker serves a partition from now on.
 
-    The messages of the partition follow after this item.
+    The messages of the partition follow after this item in the queue. They are those with numbers above
+    `start`.
 
     `kept`: snapshots of the partition's devices. `done`: number of the last message that the previous worker
-    has processed. `start`: the messages of the partition that follow have higher numbers than this.
+    has processed.
     """
 
     partition: int
@@ -51,9 +52,10 @@ class Served(NamedTuple):
 
 
 class Resumed(NamedTuple):
-    """Item of the queue that says that messages of a partition now arrive a second time.
+    """Item of the queue that says that the messages of a partition that were left out now arrive again.
 
-    The partition's lease had lapsed, so these messages were left out when they arrived for the first time.
+    They were left out because this worker had not renewed its lease of the partition in time. No other worker
+    has taken the lease since.
     """
 
     partition: int
@@ -145,12 +147,12 @@ class Inbox:
         return bool(self._queue)
 
     def take(self, timeout_s: float) -> tuple[list[Message], Served | Resumed | Left | None]:
-        """Return the waiting messages in order.
+        """Return the waiting messages in order, and the item that follows them in the queue.
 
-        Also return the first item after them that is no message, or None.
+        This item is the first that is no message; None if messages alone are taken.
 
-        If nothing waits, wait until an item comes, `wake` is called, or `timeout_s` has passed. Between two
-        calls of `take`, the reader may admit or forget devices.
+        If nothing waits, wait until an item comes, `wake` is called, or `timeout_s` has passed. Devices that
+        the reader admits or forgets between two calls of `take` count as such from the next call on.
         """
         messages, size = list[Message](), 0
         behind: Served | Resumed | Left | None = None

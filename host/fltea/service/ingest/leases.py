@@ -16,8 +16,8 @@ RENEW_S = 1.5
 LEASE_S = 6.0
 """Time after which other workers may take over a lease that was not renewed [s].
 
-If the owner of a lease cannot renew it, the owner stops serving the partition after `STOP_S`, which is two
-renewals earlier.
+A worker that cannot renew its lease stops serving the partition after `STOP_S`. `STOP_S` is shorter than
+`LEASE_S` by two periods `RENEW_S`, so the worker has stopped before another one takes over.
 """
 
 STOP_S = LEASE_S - 2 * RENEW_S
@@ -52,7 +52,10 @@ class Sightings:
         self._seen: dict[str, Seen] = {}
 
     def check(self, entries: Mapping[str, tuple[int, bytes]], now_s: float) -> None:
-        """Note all entries that the store has now. `entries`: for each key the revision and the value."""
+        """Compare the store's entries with those of the last call, and remember them.
+
+        `entries`: all entries that the store has now: for each key, the revision and the value.
+        """
         before, self._seen = self._seen, {}
         for key, (revision, value) in entries.items():
             known = before.get(key)

@@ -44,8 +44,8 @@ remain count as lost.
 """
 
 PIECE_BYTES = 1 << 16
-"""At most this number of bytes of a device are processed at a time. If an output has room, it has room for
-far more.
+"""At most this number of bytes of a device are processed at a time. Before each such piece, the
+program waits until the outputs have room. They then have room for all records of a piece.
 """
 
 
@@ -57,7 +57,11 @@ class Hearing:
         self._deaf_until_ns = 0
 
     def check(self, connected: bool, now_ns: int) -> bool:
-        """Return whether messages could arrive all the time since the last call."""
+        """Return whether devices from which nothing came may count as silent now.
+
+        They may not while the broker cannot be reached or the inbox is full, for `BACK_NS` after that, or if
+        the program has stood still since the last call.
+        """
         if not connected:
             self._deaf_until_ns = now_ns + BACK_NS
         elif now_ns - self.checked_ns > STILL_NS:
@@ -94,7 +98,7 @@ class Pace:
             self._report("output_slow", text)
 
     def waited(self, arrived_ns: int, waited_ns: int) -> None:
-        """Note how long a message waited that arrived at `arrived_ns`."""
+        """Note how long a message waited. `arrived_ns`: time at which the message arrived."""
         if arrived_ns > self._held_ns:
             self._pressure.waited(waited_ns)
 
@@ -149,7 +153,7 @@ class Ingest:
                 self.moved_s = time.monotonic()
                 if now_ns - self.hearing.checked_ns >= CHECK_NS:
                     self.check(now_ns)
-            # if the broker has partitions, the next worker processes the remaining messages
+            # if the broker has partitions, another worker processes the messages that still wait
             if self.progress.shared is None:
                 self._drain()
             # report a last time, since messages may have been refused since the last report
@@ -187,9 +191,9 @@ class Ingest:
             self._on_partition(behind)
 
     def _drain(self) -> None:
-        """Process messages that have already arrived until the time runs out.
+        """Process messages that have already arrived, for at most `DRAIN_S` after `close` was called.
 
-        Count those that remain as lost.
+        Messages that then still wait count as lost.
         """
         while self.inbox.has_messages and not self._is_over():
             self.take_all(0)
@@ -260,7 +264,8 @@ class Ingest:
     def _walk(self, groups: dict[str, list[Message]]) -> None:
         """Process messages, which are grouped by device.
 
-        For each partition of which no message was left out, note the number of the last processed message.
+        Then note for each partition the number of the last processed message. If messages of a partition were
+        left out, nothing is noted for it, so that the broker delivers them again.
         """
         progress = self.progress
         done: dict[int, int] = {}
@@ -290,7 +295,7 @@ class Ingest:
         device.heard_ns = device.checked_ns = now_ns
         device.mark = last.mark
         for piece in _pieces(messages, offset_ns):
-            # if the device is not open, its device stream has failed on an earlier piece
+            # if an earlier piece has made the device stream fail, the device is no longer open
             if devices.opened.get(name) is device:
                 devices.feed(name, piece)
 
@@ -302,7 +307,7 @@ class Ingest:
             return
         for name, device in list(devices.opened.items()):
             if device.partition == item.partition:
-                # finish the device, so that its last record `stats` counts what was processed here
+                # the device's last record `stats` counts what this worker has processed
                 devices.finish(name, moved=True)
         progress.forget(item.partition)
         if isinstance(item, Left):
@@ -319,9 +324,9 @@ class Ingest:
 
 
 def _pieces(messages: Sequence[Message], offset_ns: int) -> Iterator[Reads]:
-    """Yield the bytes of a device's messages in pieces of limited size.
+    """Yield the bytes of a device's messages in pieces of at most `PIECE_BYTES`.
 
-    Each piece has the same form as bytes that were read from a serial port.
+    Each piece is a `Reads`, like the bytes that are read from a serial port.
     """
     chunks: list[Chunk] = []
     size, now_ns = 0, messages[0].arrived_ns
