@@ -50,7 +50,8 @@ def test_the_last_bytes_of_a_cut_log_of_ardupilot_are_counted(lacking: int, tmp_
 
 @pytest.mark.parametrize("lost", [0, 30, N - 1])
 def test_bytes_of_a_log_of_ardupilot_that_are_no_message_are_counted(lost: int, tmp_path: Path) -> None:
-    """The times only show samples that are lost between others, and not the first samples.
+    """Damaged bytes are counted, because times do not show every loss: if the first samples are lost, there
+    is no gap between times.
 
     Bytes may be missing at the end of the message before the damage as well, so this one is left out, too.
     """

@@ -166,7 +166,9 @@ class FittedAxis(Curves, frozen=True):
     unit: str
     """`deg/s`, or `m/s^2` for axes of the accelerometer; s2 and R are in the square of this unit."""
     null_p: float | None = None
-    """p-value of the null test, which is for white noise. It is computed from all samples so far."""
+    """p-value of the null test, which is for white noise. It is computed from all samples so far, peaks and
+    drift included. The p in `text` is that of the same test without them.
+    """
     alpha: Interval = Interval()
     """The order α; null if the noise has no order."""
     f: Interval = Interval()
