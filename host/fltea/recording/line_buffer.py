@@ -9,8 +9,9 @@ TAIL_BYTES = 2000
 class LineBuffer:
     """Keeps the bytes of a line that has not ended yet.
 
-    `tail`: last bytes of the lines so far. `has_end`: whether the text ends with a line end. `partial`: number of
-    parts of lines that were dropped since the connection to the sender began or was lost within a line.
+    `tail`: last bytes of the lines so far. `has_end`: whether the text ends with a line end. `partial`:
+    number of parts of lines that were dropped since the connection to the sender began or was lost within a
+    line.
     """
 
     def __init__(self) -> None:
