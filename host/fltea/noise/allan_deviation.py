@@ -21,15 +21,15 @@ A panel is an interval of λ that is integrated in one piece: an octave of λ, o
 octaves.
 """
 PARTS = (16, 8, 4)
-"""Number of panels in each of the three highest octaves. There are more because AR(2) and orders above 1 may
-have resonances there.
+"""Number of panels in each of the three highest octaves of λ. Every other octave has one panel. AR(2) and
+orders above 1 may have resonances in the highest octaves, and these need narrow panels.
 """
 PERIODS = 16
-"""If a panel has more periods of sin(mλ) than this, the powers of sin(mλ/2) in the integrand are replaced by
-their means.
+"""If sin(mλ) has more periods than this within a panel, the power of sin(mλ/2) in the integrand of
+`allan_integrals` is replaced by its mean (MEANS).
 """
 MEANS = {1: 3 / 8, 2: 35 / 128}
-"""Means over a period of sin⁴ and of sin⁸, by the power (1 or 2) of the integrand in `allan_integrals`."""
+"""Means of sin⁴ and of sin⁸ over a period. The key is the argument `power` of `allan_integrals`."""
 BELOW = 24
 """For an averaging time of m samples, the integration begins this number of octaves of λ below π/m.
 
@@ -77,7 +77,7 @@ def allan_integrals(
     return np.asarray(np.einsum("ij,j->i", weights, density(lam)))
 
 
-@lru_cache(maxsize=2)  # an entry of the cache takes 3 MB, and more if there are narrow spectral lines
+@lru_cache(maxsize=2)  # one result takes 3 MB, and more if there are narrow spectral lines
 def _quadrature(
     factors: tuple[float, ...], around: tuple[tuple[float, float], ...], power: int
 ) -> tuple[Array, Array]:
@@ -90,7 +90,7 @@ def _quadrature(
     width = edges[:-1] - edges[1:]
     x, weight = _gauss()
     lam = edges[1:, np.newaxis] + width[:, np.newaxis] * (1 + x) / 2
-    # The weights include dλ / sin²(λ/2).
+    # `density` has dλ and the denominator of the integrand; its numerator sin⁴ or sin⁸ follows below.
     density = width[:, np.newaxis] / 2 * weight / np.sin(lam / 2) ** (2 * power)
     weights = np.zeros((len(factors), *lam.shape))
     for one, factor in zip(weights, factors, strict=True):

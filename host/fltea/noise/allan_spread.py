@@ -29,8 +29,8 @@ MOST = 1 << 13
 is computed for these lags.
 """
 FAST = 1 << 11
-"""The covariance at the lags is computed from the spectrum up to a limit, which the distance of the lags
-sets. Above this limit, the spectrum is computed at this number of frequencies.
+"""Lags that are `step` samples apart represent noise up to the frequency π / step. What noise above π / step
+contributes is computed from its spectrum at this number of frequencies.
 """
 RUNG_OUT = 8.0
 """Lag after which the covariance of a spectral line counts as 0, in units of 1 / half-width. This unit is the
@@ -67,10 +67,10 @@ class Line(NamedTuple):
         return self.variance * math.pi / (self.half * (high - low))
 
     def seen(self, terms: float) -> float:
-        """Return which proportion of Σ r² over all lags a record of `terms` differences contains.
+        """Return Σ (1 - |k| / M) r(k)², divided by Σ r(k)² over all lags k.
 
-        r is the line's covariance at a lag. The proportion is small if the line's phase is remembered for
-        longer than the record.
+        M (`terms`) is the number of differences in the record, and r the line's covariance; the module
+        explains both. The result is small if the line's phase is remembered for longer than the record.
         """
         ringing = 2 * self.half * terms
         return 1 + math.expm1(-ringing) / ringing
@@ -108,9 +108,9 @@ def allan_degrees(
 def _of_line(
     line: Line, spectrum: Spectrum, factors: Array, around: Sequence[tuple[float, float]]
 ) -> tuple[Array, Array]:
-    """Return Σ r² over all lags for a spectral line, and its cross term with other noise, each (k,).
+    """Return Σ r² and Σ 2 r q over all lags, where r is the covariance of a line, and q that of other noise.
 
-    r is the line's covariance. There is one value for each averaging time.
+    Both have one value for each averaging time in `factors`, (k,).
     """
     own = allan_integrals(lambda lam: line.at(lam) ** 2, factors, 2, around)
     return own, allan_integrals(lambda lam: 2 * line.at(lam) * spectrum(lam), factors, 2, around)
@@ -124,7 +124,7 @@ class _Shape(NamedTuple):
     step: int
     """Number of samples from one lag to the next."""
     points: int
-    """Number of lags, after which the covariance repeats periodically."""
+    """Number of lags in the FFT that computes the covariance. Its result repeats after so many lags."""
 
     @classmethod
     def of(cls, m: float, terms: float) -> "_Shape":
@@ -134,8 +134,9 @@ class _Shape(NamedTuple):
     def resolves(self, line: Line) -> bool:
         """Whether the covariance at these lags represents a spectral line.
 
-        The line's frequency has to be low enough for the distance between lags. Also, the line's covariance
-        has to decay within the span of all lags, or the lags have to span twice the record.
+        There are two conditions. The line's frequency has to be below π / step, as for any sampling. And the
+        computed covariance, which repeats itself after the last lag, must not overlap with its repetition:
+        either the line's covariance has decayed by then, or the lags span twice the record.
         """
         around = self.points * self.step
         is_short = around >= 2 * (self.terms + 2 * self.m) or line.half * around >= RUNG_OUT
@@ -166,10 +167,10 @@ def _weights(lam: Array, m: float) -> Array:
 
 
 def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
-    """Return Σ (1 - |k| / M) r(k)² for the noise that is slow enough to be sampled by the lags k.
+    """Return Σ (1 - |k| / M) r(k)² for the noise below the frequency π / step.
 
-    r(k) is the covariance, at lag k, of the differences of neighbouring means; M is the number of
-    differences.
+    Lags k that are `step` samples apart represent this noise. r(k) is the covariance, at lag k, of the
+    differences of neighbouring means; M is the number of differences.
     """
     m, terms, step, points = shape
     lam, S = grids.of(0.0, np.pi / step, points // 2)
@@ -178,8 +179,8 @@ def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
         S = S + sum(line.mean(edges) for line in lines)
     power = S * _weights(lam, m) * (2 / (points * step))
     lags = np.arange(points // 2)
-    # The exponential is needed since the frequencies are midpoints of cells, and not multiples of a cell's
-    # width.
+    # An FFT assumes frequencies that are multiples of a cell's width. Those here are the cells' midpoints.
+    # The exponential corrects the result for the difference of half a cell.
     r = (np.exp(-1j * np.pi * lags / points) * np.fft.fft(power, points)[: points // 2]).real
     weights = np.maximum(1 - lags * (step / terms), 0.0)
     weights[1:] *= 2
@@ -187,10 +188,11 @@ def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
 
 
 def _fast_squares(grids: _Grids, shape: _Shape) -> float:
-    """Return the sum Σ (1 - |k| / M) r(k)² for the noise that is too fast to be sampled by the lags k.
+    """Return the sum Σ (1 - |k| / M) r(k)² for the noise above the frequency π / step.
 
-    r(k) is the covariance, at lag k, of the differences of neighbouring means; M is the number of
-    differences. The covariance of fast noise is confined to lags near 0, m and 2 m.
+    Lags k that are `step` samples apart are too coarse for this noise. r(k) is the covariance, at lag k, of
+    the differences of neighbouring means; M is the number of differences. The covariance of fast noise is
+    confined to lags near 0, m and 2 m.
     """
     m, terms, step, _ = shape
     if step == 1:

@@ -18,7 +18,7 @@ from fltea.records.arrays import Complex
 MEAN_FROM = _native.MEAN_FROM
 """The code number of a `Mean` is MEAN_FROM plus the number of averaged samples."""
 ONE_POLE = 1.5
-"""If a filter has fewer poles than this, its description says that it has one pole."""
+"""A filter's number of poles need not be whole. Below this number, its description says "one pole"."""
 WHOSE_FILTER = (
     "It is the sensor's own, or of the program that wrote the file (a flight controller, a logger): compare "
     "with their settings."
@@ -36,8 +36,8 @@ class LowPass(Part, frozen=True, tag="low-pass"):
     poles: float
 
     def eta(self, h: float) -> list[float]:
-        # The free parameters are log λ², for λ of the corner frequency, and the logit of where the number of
-        # poles lies from 1 to the largest number.
+        # The free parameters are log λ², where λ is the corner frequency in rad per sample, and the logit of
+        # (poles - 1) / (MOST_POLES - 1).
         return [2 * free.log_lam(self.corner_hz, h), free.logit_of_poles(self.poles)]
 
     @classmethod
@@ -67,8 +67,8 @@ class HighPass(Part, frozen=True, tag="high-pass"):
     poles: float
 
     def eta(self, h: float) -> list[float]:
-        # The free parameters are log |1 - e^{-iλ}|² at the corner frequency, and the logit of where the
-        # number of poles lies from 1 to the largest number.
+        # The free parameters are log |1 - e^{-iλ}|², where λ is the corner frequency in rad per sample, and
+        # the logit of (poles - 1) / (MOST_POLES - 1).
         size = 2 * math.sin(min(math.pi * self.corner_hz * h, math.pi / 2))
         return [2 * free.log(size), free.logit_of_poles(self.poles)]
 

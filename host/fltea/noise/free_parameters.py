@@ -28,7 +28,7 @@ def hz(log_lam: float, h: float) -> float:
 
 
 def logit(share: float) -> float:
-    """Return log(share / (1 - share)), or the lower bound that the fits set for it if that is larger."""
+    """Return the logit log(share / (1 - share)), but at least -LOGIT_END, its lower bound in the fits."""
     found = math.log(share / (1 - share)) if share > 0 else -LOGIT_END
     return max(found, -LOGIT_END)
 
@@ -43,7 +43,7 @@ def logit_of_poles(poles: float) -> float:
 
 
 def poles_of_logit(logit: float) -> float:
-    """Return a filter's number of poles, which need not be whole, for its free parameter in the fits."""
+    """Return a filter's number of poles, given the free parameter that `logit_of_poles` returns for it."""
     return 1 + (MOST_POLES - 1) / (1 + math.exp(-logit))
 
 

@@ -27,16 +27,18 @@ this factor.
 
 
 class Ahead(NamedTuple):
-    """A sum over future samples, expressed by the present state x of the system and additional noise."""
+    """A sum or mean over future samples: `row @ x` plus noise, where x (n,) is the system's present state.
 
-    row: Array
-    """The sum over future samples is `row @ x` plus noise. x is the state (n,) at the last sample at rest."""
-    variance: float
-    """Variance of the noise that is added to `row @ x`: the noise of the samples after the last one at rest.
+    The present is the last sample at rest.
     """
 
+    row: Array
+    """Weight of each state in the sum or mean, (n,)."""
+    variance: float
+    """Variance of the noise that is added to `row @ x`. It is noise of the future samples."""
+
     def std(self, P: Array) -> float:
-        """Return the standard deviation of the sum. `P`: covariance of x after the last sample at rest."""
+        """Return the standard deviation of the sum or mean. `P`: covariance of the present state x."""
         return math.sqrt(max(float(self.row @ P @ self.row) + self.variance, 0.0))
 
 
@@ -48,7 +50,7 @@ class Rest(NamedTuple):
 
 
 def ahead(system: System, h: float, t_s: float) -> Ahead:
-    """Return the error in angle that adds up in `t_s` seconds after the last sample at rest.
+    """Return the error of the heading `t_s` seconds after the last sample at rest, which is a sum of errors.
 
     `h`: sampling period [s].
     """
@@ -64,10 +66,10 @@ def aheads(system: System, h: float, times_s: Sequence[float]) -> list[Ahead]:
 def mean_ahead(system: System, samples: int) -> Ahead:
     """Return the mean of the bias over the next `samples` samples, as a function of the present state x.
 
-    `samples` samples last T seconds. Bias(T) is `row @ x` of the result, the expectation of this mean; its σ
-    is `std(P)`. Two kinds of noise do not contribute to the bias, since they are not signal: the white noise
-    R, and the states that `system.bias` leaves out. So the mean of the samples themselves varies more.
-    Because of white noise, its variance is larger by N²/T.
+    `samples` samples last T seconds. The expectation of this mean is Bias(T). It is `row @ x` of the result,
+    and its σ is `std(P)`. Two kinds of noise are not part of the bias: white noise, and states whose weight
+    in `system.bias` is 0. So the mean of the samples themselves varies more: white noise alone adds N²/T to
+    its variance.
 
     Raises:
         ValueError: `samples` is below 1.
@@ -84,9 +86,9 @@ def means_ahead(system: System, counts: Sequence[int]) -> list[Ahead]:
 
 
 def _sums(system: System, c: Array, R: float, counts: Sequence[int]) -> list[Ahead]:
-    """Return the sums of c @ x (x: state) plus white noise over each number of future samples in `counts`.
+    """Return, for each number in `counts`, the sum of c @ x plus white noise over so many future samples.
 
-    `R`: variance of the white noise.
+    x is the state of the system, and `R` the variance of the white noise.
     """
     rows, variances = _native.sums_ahead(system.numbers, c, R, list(counts))
     return [Ahead(np.array(row), variance) for row, variance in zip(rows, variances, strict=True)]
@@ -97,7 +99,7 @@ def heading_std(system: System, P: Array, h: float, t_s: float) -> float:
 
     It is in deg for a rate in deg/s. `h`: sampling period [s].
 
-    `P`: covariance of x after the last sample at rest, as `rested` returns it.
+    `P`: covariance of the system's state after the last sample at rest, as `rested` returns it.
     """
     return ahead(system, h, t_s).std(P)
 

@@ -1,7 +1,7 @@
 """Estimate what a record of given length leaves uncertain about the noise that was found in it.
 
-The likelihood is that of a spectrum (Whittle, *Ark. Mat.* 2, 1953). In place of the spectrum of the samples,
-the likelihood is given the spectrum of the noise that was found.
+The likelihood is that of a spectrum (Whittle, *Ark. Mat.* 2, 1953). It is computed without the samples, as if
+their spectrum were exactly that of the noise that was found.
 """
 
 import functools
@@ -35,30 +35,30 @@ LOWEST = 10
 POINTS = 80
 CONVERGED, ITERATIONS = 1e-3, 60
 PRIOR = 1.0
-"""Fisher information that is added for each free parameter, so that none is entirely unknown. It is the same
-for all parameters, since nearly all free parameters are logarithms.
+"""Fisher information that is added for each free parameter, so that none is entirely unknown. With 1, each is
+known to ± 1. Nearly all free parameters are logarithms, of which ± 1 is a factor of e.
 """
 
 
 def mean_order(
     parts: Sequence[Part], order: Order | Arfima, lam: Array, h: float, samples: int
 ) -> tuple[float, Array]:
-    """Return the mean variance of white noise, and the mean spectrum (at `lam`) of the part with an order.
+    """Return the mean variance of white noise, and the mean spectrum (at `lam`) of the fractional noise.
 
-    The means are posterior means, over the noises that are likely given the record. A record hardly shows how
-    much power is white noise's, and how much is that of an order whose spectrum is nearly white. The most
-    likely order may take all of this power, or none.
+    Fractional noise is the part `order`. The means are posterior means, over the noises that are likely given
+    the record. A record hardly shows how much power belongs to white noise, and how much to fractional noise
+    whose spectrum is nearly white. The most likely fractional noise may take all of this power, or none.
 
-    Callers make a linear filter of the samples from the means. Of all such filters, it has the least mean
-    square error, and it predicts this error. A filter for the most likely order has a larger error, but
-    predicts a smaller one.
+    Callers make a linear filter of the samples from the means. No other linear filter has a smaller mean
+    square error over the likely noises, and the filter states this error rightly. A filter for the most
+    likely noise alone has a larger error, and states one that is too small.
 
-    For each α that is tried, the order and the white noise are fitted to the spectrum that both have
+    For each α that is tried, the fractional and the white noise are fitted to the spectrum that both have
     together, and weighted by their likelihood. The other parts are assumed to be known.
 
     Args:
         parts: the parts of the noise, including `order`.
-        order: the order among the parts.
+        order: the part that is noise of an order α.
         lam: frequencies λ in rad per sample.
         h: sampling period [s].
         samples: length of the record.
@@ -92,14 +92,21 @@ def mean_order(
 
 
 def distance(parts: Sequence[Part], others: Sequence[Part], h: float, samples: int) -> float:
-    """Return the expected loss of log likelihood if the model `others` describes noise of model `parts`."""
+    """Return how much log likelihood is lost on average if `others` describes noise made of `parts`.
+
+    The loss is relative to the likelihood of `parts` themselves. `samples`: length of the noise's record.
+    """
     at, counts = _ordinates(samples)
     ratio = spectrum(parts, at, h) / spectrum(others, at, h)
     return float(counts @ (ratio - 1 - np.log(ratio)))
 
 
 def nearby(parts: Sequence[Part], h: float, samples: int) -> Iterator[tuple[list[Part], list[Part]]]:
-    """Yield pairs of noises one σ below and above `parts`, in independent directions of free parameters."""
+    """Yield pairs of noises whose free parameters are below and above those of `parts` by one σ.
+
+    Each pair changes the free parameters in another direction. The errors in these directions are
+    independent.
+    """
     codes, eta = [part.code for part in parts], np.array([x for part in parts for x in part.eta(h)])
     at, counts = _ordinates(samples)
     total, rows = np.empty(len(at)), np.empty((len(eta), len(at)))
@@ -117,7 +124,7 @@ def _parts(codes: Sequence[int], eta: Array, h: float) -> list[Part]:
 # the cached result is the same for all axes and devices with records of this length
 @functools.lru_cache(maxsize=8)
 def _ordinates(samples: int) -> tuple[Array, Array]:
-    """Return frequencies λ, and the number of spectral ordinates of a record that each λ stands for."""
+    """Return frequencies λ, and for each the number of frequencies of a record's periodogram around it."""
     low = min(2 * math.pi * LOWEST / samples, 1.0)
     lam = merged(np.geomspace(low, math.pi, POINTS), np.linspace(low, math.pi, POINTS))
     return lam, np.gradient(lam) * samples / (2 * math.pi)

@@ -36,8 +36,9 @@ class Coordinate(NamedTuple):
     signal: float
     """1 if the state is signal, which is part of the bias; 0 if it is coloured noise."""
     shared: float = 0.0
-    """Part of this state's prior variance, which is also added to the variance of the state before it. The
-    covariance of both states is minus this value, so that the prior variance of their sum does not change.
+    """Variance that is added to the prior variance of the state before this one. The prior covariance of the
+    two states is minus this value. If it equals `variance`, their sum has the prior variance that the state
+    before had alone.
     """
 
 
@@ -55,14 +56,14 @@ def relaxation_of(variance: float, a: float) -> Coordinate:
 
 
 def ramp_of(slope: float, samples: int) -> Coordinate:
-    """Return the state for a slope of the offset. The state before it has to be the offset.
+    """Return the state for a slope of the offset. It has to be added directly after the state of the offset.
 
     The arguments are those of `System.with_ramp`.
     """
     slow = STRAIGHT * samples
     variance = (slope * slow) ** 2
-    # A sample contains the sum of this state and of the offset. Before the first sample, what the slope adds
-    # to the two adds up to 0, so that the slope does not change the sample's prior variance.
+    # A sample contains the sum of this state and of the offset. The last argument (`shared`) lets the offset
+    # begin with the opposite of this state, so that a sample's prior variance is what it was before.
     return Coordinate(math.exp(-1 / slow), 0.0, variance, 0.0, variance)
 
 
@@ -113,7 +114,7 @@ class System(NamedTuple):
         """Return the system with an offset of unknown value as its last state.
 
         `q`: variance of a step of the offset's random walk. `of_state`: whether the offset counts as signal
-            (as 1 in `signal`), like a random walk among the parts of the noise.
+            (its element of `signal` is then 1), like a random walk among the parts of the noise.
         """
         found = self.with_coordinate(offset_of(self.power, q, of_state=of_state))
         return found._replace(walks=self.walks or of_state)
@@ -129,9 +130,9 @@ class System(NamedTuple):
         """Return the system with a slope of the offset as its last state.
 
         With the slope, the offset is a straight line in time. The last state so far has to be the constant
-        offset. The slope is described as a slowly decaying relaxation without noise, since the nearly
-        diagonal form of A allows no exact slope. Within the record, the line is straight to 1 / `STRAIGHT` of
-        its rise.
+        offset. A is diagonal except for pairs of poles, which allows no exact slope. So the slope is
+        described as a slowly decaying relaxation without noise. Within the record, the line bends by less
+        than 1 / `STRAIGHT` of its rise.
 
         Args:
             slope: prior standard deviation of the slope, per sample.
@@ -165,7 +166,7 @@ class System(NamedTuple):
     def numbers(self) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
         """The system as arguments of the native module.
 
-        There `signal` is multiplied by the weights of the states in a sample.
+        The native `signal` is the weight of each state in a sample if the state is signal, and else 0.
         """
         signal = self.signal * self.c
         return self.pairs, self.a, self.b, self.Q, self.c, signal, self.bias, self.P0, self.R

@@ -9,8 +9,8 @@ import numpy as np
 from fltea.records.arrays import Array, Mask
 
 TOLERANCE = 1e-10
-"""A derivative of the sum of squares that is at most this counts as zero. Before, the columns of M and the
-right side d are scaled to length 1.
+"""Coefficients and derivatives of the sum of squares that are at most this count as 0. They are compared with
+it after the columns of M and the right side d were scaled to length 1.
 """
 ROUNDS = 10
 """The number of iterations is at most this many times the number of columns."""
@@ -33,7 +33,10 @@ def non_negative(M: Array, d: Array) -> Array:
 
 
 def _within(M: Array, d: Array, x: Array, free: Mask) -> Array:
-    """Solve least squares for the free columns of M. Coefficients that would turn negative are fixed at 0."""
+    """Return the coefficients that minimise |M x - d|, where only those marked in `free` may differ from 0.
+
+    Coefficients that would turn negative are set to 0, and unmarked in `free`.
+    """
     while free.any():
         best = np.zeros(len(x))
         best[free] = np.linalg.lstsq(M[:, free], d, rcond=None)[0]

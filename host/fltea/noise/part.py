@@ -25,7 +25,9 @@ class FreeParameter(NamedTuple):
     """Kind of the parameter: a name of the enum `Value` of the native table."""
     low: float
     high: float
-    """`low` and `high` are the bounds of the parameter, if its kind is an order or a number."""
+    """`low`, `high`: bounds of the parameter, if they do not follow from the data. The comments of the enum
+    `Value` say which kinds use them, and how.
+    """
 
 
 class Row(NamedTuple):
@@ -38,8 +40,8 @@ class Row(NamedTuple):
     traits: frozenset[str]
     """Traits of the part: names of the enum `Trait` of the native table."""
     says: str
-    """What a part of this kind says for the verdict, such as `drift` or `order`: a name of the enum `Says` of
-    the native table.
+    """Question of the verdict that a part of this kind answers in a model without an order, such as `drift`:
+    a name of the enum `Says` of the native table.
     """
     sought: int
     """Number of parameters that the information criterion BIC counts for the part in addition to its free
@@ -103,7 +105,7 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
 
     @classmethod
     def has(cls, trait: str) -> bool:
-        """Return whether the part has `trait`, a name of the enum `Trait` of the native table."""
+        """Return whether the part has the trait `trait`, such as "slow". The module says what traits are."""
         return trait in cls.row().traits
 
     @property
@@ -123,7 +125,7 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        """Return the part that has the transformed parameters `eta`. `h`: sampling period [s]."""
+        """Return the part whose free parameters in the native fits are `eta`. `h`: sampling period [s]."""
         raise NotImplementedError(f"the part {cls.tag()} cannot be made from free parameters")
 
     def words(self, rate_hz: float) -> str:
@@ -134,19 +136,25 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         raise NotImplementedError(f"the part {self.tag()} has no words for a sentence")
 
     def response(self, lam: Array, h: float) -> Complex:
-        """Return the frequency response of a slow part at λ. White noise of variance 1 drives the part."""
+        """Return the frequency response at λ that makes this part from white noise of variance 1.
+
+        Only parts with the trait "slow" have one.
+        """
         raise NotImplementedError(f"the part {self.tag()} has no frequency response")
 
     def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
-        """Return the poles of a part that is no filter; if it has none, return poles that approximate it.
+        """Return poles with which states can describe or approximate the part. The part must be no filter.
 
-        `lam`: frequencies λ [rad per sample] at which the poles have to fit. `room`: largest number of
+        `lam`: frequencies λ [rad per sample] at which the states have to fit. `room`: largest number of
         states.
         """
         raise NotImplementedError(f"the part {self.tag()} has no poles")
 
     def filter_poles(self, h: float) -> tuple[list[complex], int]:
-        """Return a filter's poles (of each pair the upper one), and the number of its additional taps."""
+        """Return a filter's poles, and its number of taps. Of a complex pair, one pole is enough.
+
+        Taps are the coefficients of a weighted sum of samples, which a filter may contain besides its poles.
+        """
         raise NotImplementedError(f"the filter {self.tag()} has no poles")
 
 

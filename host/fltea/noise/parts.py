@@ -137,7 +137,7 @@ class Order(Part, frozen=True, tag="order"):
         return cls(alpha, f_of(alpha, g_of_eta(eta), h), noise_variance(alpha, s2, h))
 
     def words(self, rate_hz: float) -> str:
-        return ""  # the verdict's text states the order in a sentence of its own, with its interval
+        return ""  # another sentence of the verdict states the order, with its interval
 
     def response(self, lam: Array, h: float) -> Complex:
         turn = np.exp(-1j * lam)
@@ -168,7 +168,7 @@ class Arfima(Part, frozen=True, tag="arfima"):
         return cls(eta[0], phi, math.exp(eta[2]) * (1 - phi) ** 2)
 
     def words(self, rate_hz: float) -> str:
-        return ""  # the verdict's text states the order in a sentence of its own, with its interval
+        return ""  # another sentence of the verdict states the order, with its interval
 
     def response(self, lam: Array, h: float) -> Complex:
         turn = np.exp(-1j * lam)

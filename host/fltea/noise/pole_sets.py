@@ -18,8 +18,8 @@ in the band that it lets pass.
 MOST_TAPS = 10
 """Largest number of taps of a short filter."""
 SMALL = 0.005
-"""Error that is allowed when poles approximate a short filter, which has taps but no poles of its own. If n
-poles are used, their absolute value is the n-th root of this error.
+"""A short filter has taps but no poles. It is approximated by n poles on a circle around 0, with about this
+error. The n-th root of this number is the circle's radius.
 """
 
 
@@ -76,8 +76,8 @@ def of_order(alpha: float, g: float, slowest: float) -> list[complex]:
 def of_low_pass(lam: float, poles: float) -> tuple[list[complex], int]:
     """Return the poles with imaginary part ≥ 0 of a low-pass with its corner at λ, and a number of taps.
 
-    `poles`: number of poles, by which the response falls; it need not be whole. If it is not, the filter has
-    the next whole number of poles, and taps (a short weighted sum of samples) that correct its response.
+    `poles`: number of poles, which sets how steeply the response falls. If it is not whole, the next whole
+    number is used. Taps (the coefficients of a weighted sum of samples) have to correct the response then.
     """
     n = math.ceil(min(max(poles, 1.0), MOST_POLES))
     angles = np.pi * (n + 1 + 2 * np.arange((n + 1) // 2)) / (2 * n)

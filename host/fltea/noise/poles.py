@@ -32,8 +32,8 @@ Contributions of poles that are closer would mostly cancel each other.
 LEAST_SINGULAR, CANCELLING = (1e-8, 1e-6, 1e-4, 1e-2), 1e4
 """Thresholds of the least-squares fit of poles.
 
-LEAST_SINGULAR: a singular value is kept if it is at least this proportion of the largest one. The proportions
-are tried in turn until the states no longer cancel each other too much for floating-point numbers.
+LEAST_SINGULAR: the fit neglects singular values below this proportion of the largest one. It is repeated with
+the next proportion while the states cancel each other too much for floating-point numbers.
 CANCELLING: states cancel each other too much if their total power exceeds the power of their sum by more than
 this factor.
 """
@@ -87,7 +87,7 @@ def high_pass_response(filters: Sequence[Part], lam: Array, h: float) -> Complex
 
 
 def filter_poles(filters: Sequence[Part], h: float) -> list[complex]:
-    """Return the poles of all filters; of each complex pair, only the upper one."""
+    """Return the poles of all filters. Of a complex pair, both poles or only the upper one may be included."""
     found: list[complex] = []
     taps = 1 if filters else 0
     for part in filters:
@@ -100,7 +100,7 @@ def filter_poles(filters: Sequence[Part], h: float) -> list[complex]:
 def fitted(
     wanted: Complex, total: Array, poles: Sequence[complex], lam: Array, room: int, *, signal: bool
 ) -> Block:
-    """Return the block of states whose frequency response fits `wanted`, made from some of `poles`.
+    """Return a block of states with some of `poles`, whose frequency response is near `wanted` at `lam`.
 
     `total`: spectrum of the whole noise, by which the error at each frequency is weighted. `room`: largest
     number of states.
@@ -131,10 +131,11 @@ def fitted(
 
 
 def driven(z: Complex, share: Complex, *, signal: bool) -> Block:
-    """Return the complex states of poles `z` as a block of real states.
+    """Return a block of real states for the complex poles `z`, all driven by the same white noise.
 
-    `share`: for each pole, its complex weight in the frequency response. Each complex state ξ advances by ξ'
-    = z ξ + 2 share w, where w is white noise of variance 1, the same for all. The output is y = Re Σ ξ.
+    `share`: complex weight of each pole in the frequency response. A pole has a complex state ξ, which the
+    next step changes to z ξ + 2 share w. w is white noise of variance 1. The real states are the real and
+    imaginary parts of every ξ. The block's output is Re Σ ξ, a sum over the poles.
     """
     m = 2 * share
     hermitian, plain = m[:, None] * m.conj(), m[:, None] * m
@@ -142,7 +143,7 @@ def driven(z: Complex, share: Complex, *, signal: bool) -> Block:
     # part.
     keep = np.repeat(z.imag != 0, 2)
     keep[0::2] = True
-    # `a` is Re z, `b` is -Im z: a complex state ξ advances by Re ξ' = Re z Re ξ - Im z Im ξ plus noise.
+    # `a` is Re z and `b` is -Im z, since a step changes Re ξ to Re z Re ξ - Im z Im ξ plus noise.
     a, b, c = np.repeat(z.real, 2), np.repeat(-z.imag, 2), np.tile([1.0, 0.0], len(z))
     Q = _real_covariance(hermitian, plain, keep)
     P0 = _real_covariance(hermitian / (1 - z[:, None] * z.conj()), plain / (1 - z[:, None] * z), keep)
@@ -150,9 +151,10 @@ def driven(z: Complex, share: Complex, *, signal: bool) -> Block:
 
 
 def _real_covariance(hermitian: Complex, plain: Complex, keep: NDArray[np.bool_]) -> Array:
-    """Return the covariance of alternating real and imaginary parts of complex states ξ.
+    """Return the covariance of real states: the real and the imaginary part of each complex state ξ in turn.
 
-    `hermitian`, `plain`: the expectations of ξ ξ* (conjugated) and of ξ ξ^T (not conjugated).
+    `hermitian`, `plain`: for the vector ξ of all complex states, the expectations of ξ ξ^H (conjugated) and
+    of ξ ξ^T (not conjugated). `keep`: marks the real states that the result has.
     """
     result = np.empty((len(keep), len(keep)))
     result[0::2, 0::2] = (hermitian + plain).real / 2

@@ -35,9 +35,9 @@ def stationary(alpha: ArrayLike, g: ArrayLike) -> NDArray[np.bool_]:
 
 
 def fractional(lam: Array, alpha: ArrayLike, g: ArrayLike) -> Array:
-    """Return the spectrum of the fractional state, divided by the variance s2 of what drives the state.
+    """Return S_x / s2, the spectrum of the fractional state x for steps of variance 1 (see the module).
 
-    The arrays α and g broadcast, and λ becomes an additional last axis.
+    The arrays α and g = h^α f broadcast, and λ becomes an additional last axis.
     """
     a = np.asarray(alpha, dtype=np.float64)[..., np.newaxis]
     b = np.asarray(g, dtype=np.float64)[..., np.newaxis]
@@ -58,10 +58,10 @@ def f_of(alpha: float, g: float, h: float) -> float:
 
 
 def step_variance(alpha: float, Q: float, h: float) -> float:
-    """Return s2 = h^2α Q, the variance that one step adds to the state; Q as in `fltea.noise.simulation`."""
+    """Return s2 = h^2α Q, the variance that one step of h seconds adds to the state. `Q`: variance of ω."""
     return float(h ** (2 * alpha) * Q)
 
 
 def noise_variance(alpha: float, s2: float, h: float) -> float:
-    """Return Q = h^-2α s2, as in `fltea.noise.simulation`; s2: variance that one step adds to the state."""
+    """Return Q = h^-2α s2, the variance of ω. `s2`: variance that one step of h seconds adds to the state."""
     return float(s2 * h ** (-2 * alpha))

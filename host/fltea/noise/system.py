@@ -51,9 +51,9 @@ MOST = 23
 """Largest number of states of a system, not counting the offset."""
 POINTS_A_DECADE = 16
 LEAST_WHITE = 1e-4
-"""Without white noise, no Kalman filter works. So the variance R of the white noise is at least this
-proportion of two variances: of what the states add to a sample in each step, and of all noise that is no part
-of the bias.
+"""Without white noise, no Kalman filter works. So R, the variance of the white noise, is at least this
+proportion of the variance of all noise that is no part of the bias. R is also at least this proportion of the
+variance that the noise of one step adds to a sample.
 """
 NO_MATTER = 0.02
 """A relaxation is described as if it had not passed the sensor's filters, if that changes the spectrum by
@@ -78,10 +78,10 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
     Args:
         parts: the parts of the noise.
         h: sampling period [s].
-        samples: length of the record. Noise of a fractional order is left out where it is slower than the
-            record.
-        found: whether the parts were estimated from that record, so that the order is uncertain
-            (`fltea.noise.left_open`).
+        samples: length of the record. Noise of a fractional order is described only down to frequencies that
+            such a record shows.
+        found: whether the parts were estimated from that record. Then the order is uncertain, and a mean over
+            the likely orders is used (`fltea.noise.left_open`).
 
     Raises:
         ValueError: a part is not stationary.
@@ -133,10 +133,10 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
 def filtered_noise(parts: Sequence[Part], h: float) -> Relaxation | Order | None:
     """Return the part that is a sensor's white noise after a filter; None if there is no such part.
 
-    It is a relaxation, or noise of an order α near 1, which is hardly different from a relaxation. At half
-    the sample rate, where low-passes pass least, it has more power than all white noise together and than any
-    other relaxation, so that white noise is visible at no frequency. It is also at least as fast as the
-    slowest filter of a sensor.
+    It is a relaxation, or noise of an order α near 1, which is hardly different from a relaxation. It is at
+    least as fast as the slowest filter of a sensor. At half the sample rate, where low-passes pass least, its
+    spectrum is above that of all white noise together. (So white noise is visible at no frequency.) Of
+    several such parts, it is the one with the highest spectrum at half the sample rate.
     """
     at = np.array([math.pi])
     slowest = max(SLOWEST_FILTER_S, SLOWEST_FILTER * h)
@@ -190,7 +190,10 @@ def _of_noise(
     h: float,
     room: int,
 ) -> tuple[list[Block], float]:
-    """Return blocks of states for all noise outside the bias, and the variance of its white part."""
+    """Return blocks of states for the coloured noise, and the variance of the white noise.
+
+    Both are no part of the bias.
+    """
     blocks: list[Block] = []
     coloured: list[Part] = []
     poles = list(behind)
@@ -212,8 +215,9 @@ def _of_noise(
     power = spectrum([White(0.0), *coloured, *others], LINES, h) if coloured else np.zeros(len(LINES))
     level += float(power.mean())
     if coloured and level > 0:
-        # Half of the smallest value of the coloured noise's spectrum counts as white noise; only half, since
-        # the rest must stay positive at every frequency. Behind a high-pass the smallest value is 0.
+        # Behind filters, half of the smallest value of the coloured noise's spectrum counts as white noise.
+        # It is only half, since the rest must stay positive at every frequency. If one of the filters is a
+        # high-pass, the smallest value is 0.
         white = 0.5 * float(power.min()) if others and len(others) == len(filters) else 0.0
         response = least_phase(power - white)(lam) * high_pass_response(filters, lam, h)
         blocks.append(fitted(response, total, poles, lam, room - len(exact.a), signal=False))
@@ -222,18 +226,18 @@ def _of_noise(
 
 
 def _response(filters: Sequence[Part], lam: Array, h: float) -> Complex:
-    """Return the frequency response of a chain of filters at λ.
+    """Return the frequency response at λ of filters through which noise passes one after the other.
 
-    High-passes are computed separately, since they are too slow for the grid of frequencies `LINES`.
+    High-passes are computed separately: they act at lower frequencies than the grid `LINES` resolves.
     """
     rest = least_phase(spectrum([White(1.0), *_without_high_passes(filters)], LINES, h))(lam)
     return np.asarray(rest * high_pass_response(filters, lam, h))
 
 
 def _total(parts: Sequence[Part], lam: Array, h: float) -> Array:
-    """Return the spectrum of a noise at λ. The errors of a fit are weighted by this spectrum.
+    """Return the spectrum of a noise at λ, by which the fits of poles weight their errors.
 
-    Where a high-pass leaves almost nothing, the spectrum is raised to a lower limit.
+    Where a high-pass leaves almost nothing, the result is the proportion STOPPED of the spectrum without it.
     """
     found = spectrum(parts, lam, h)
     high = [part for part in parts if isinstance(part, HighPass)]
@@ -259,8 +263,8 @@ def _relaxing(a: float, variance: float, *, signal: bool) -> Block:
 def _resonating(part: Resonance, h: float) -> Block:
     """Return the block of two states that describe a resonance."""
     z, turn = part.pole(h), np.exp(-2j * math.pi * part.frequency_hz * h)
-    # The resonance's spectrum is s2 / (|1 - z e^-iλ|² |1 - z* e^-iλ|²), where s2 is the variance of the white
-    # noise that drives it and follows from the height at the resonance.
+    # The resonance's poles are z and the conjugate z*. Its spectrum is s2 / (|1 - z e^-iλ|² |1 - z* e^-iλ|²).
+    # s2 = s² is the variance of the white noise that drives it. It follows from the spectrum's height.
     s = math.sqrt(part.height) * abs(1 - z * turn) * abs(1 - z.conjugate() * turn)
     return driven(np.array([z]), np.array([s * z / (z - z.conjugate())]), signal=False)
 
