@@ -19,9 +19,8 @@ RATE_TOLERANCE = 0.01
 """The rate that the user gives may differ from the rate that the times show by at most this proportion."""
 
 CLOCK_TOLERANCE, FEWEST = 0.25, 10
-"""Arrival times show the stamps' unit if there are at least FEWEST messages. In the right unit, the time that
-passes by the stamps differs from the time that passes by the arrivals by less than the proportion
-CLOCK_TOLERANCE.
+"""Arrival times show the stamps' unit if there are at least FEWEST messages. In the right unit, the stamps
+span the same time as the arrivals, to within the proportion CLOCK_TOLERANCE.
 """
 
 OTHER_UNITS = 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9
@@ -157,7 +156,7 @@ def _is_possible(stamps: Stamps) -> bool:
 def _check_stamps(
     where: str, layout: Layout, how: How, ticks: Ticks | None, stamps: Stamps, arrival_ns: Times | None
 ) -> None:
-    """Raise UsageError if no gyroscope has such a sampling rate, or if arrival times show another unit."""
+    """Raise UsageError if no gyroscope has the stamps' sampling rate, or if arrivals show another unit."""
     why = ""
     if arrival_ns is not None and len(arrival_ns) >= FEWEST:
         last = float(stamps.sequence(len(arrival_ns) - 1, len(arrival_ns))[0])

@@ -164,7 +164,7 @@ class Words:
         self._of: dict[str, dict[str, int]] = {}
 
     def of(self, name: str) -> list[str]:
-        """Return the texts of the field `name`, each at the index that `numbers` gave it."""
+        """Return the different texts of the field `name`. The index of a text is its number in `numbers`."""
         return list(self._of.get(name, ()))
 
     def numbers(self, name: str, data: NDArray[np.uint8]) -> NDArray[np.float64]:
@@ -226,7 +226,7 @@ def _read(
     words: Words,
     check: Callable[[], None],
 ) -> Iterator[Columns]:
-    """Yield the wanted columns of messages with equal lengths.
+    """Read the fields `wanted` of messages that all have the same length. Yield those of one layout at once.
 
     `data`: bytes of the messages (n, length), without the header of their serialisation (CDR).
     """

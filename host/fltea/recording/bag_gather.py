@@ -43,12 +43,12 @@ SHOWN = 8 * AT_ONCE
 
 @dataclass
 class MessageCounts:
-    """Counts of the messages that gave no sample.
+    """Counts of the messages that gave no sample, and what the messages measured.
 
-    `unusable`: messages without the topic's layout. `not_numbers`: messages with a value that no sensor
-    gives. `twice`: messages equal to the message before. `in_two_files`: messages that another file of the
-    bag holds too. `measured`: `gyro`, `accel` or both: a quantity is included if at least one message says
-    that it was measured.
+    `unusable`: messages that do not have the layout found for the topic. `not_numbers`: messages with a value
+    that no sensor gives. `twice`: messages equal to the message before. `in_two_files`: messages that another
+    file of the bag holds too. `measured`: contains `gyro` if at least one message says that it measured
+    rates, and `accel` likewise.
     """
 
     unusable: int = 0

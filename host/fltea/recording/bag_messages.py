@@ -27,7 +27,7 @@ RATES = b"angular_velocity", b"gyro"
 """Words in a schema (the description of a message type) that point to a gyroscope."""
 
 DEFINITIONS = "ros1msg", "ros2msg", "jsonschema", "protobuf"
-"""Encodings of schemas, which describe message types, that can be read."""
+"""Encodings in which a schema, the description of a message type, can be read."""
 
 
 class Topic(NamedTuple):

@@ -45,9 +45,10 @@ UnitOf = Callable[[str], str | None]
 
 
 class Said(NamedTuple):
-    """A unit, with the kind of its evidence and its source.
+    """A unit, and how it is known; the unit is "" where only the rest is used.
 
-    `against`: another unit that contradicts this one, with its source, or "".
+    `evidence`: how it is known, such as "stated" or "convention". `why`: text that says what states it.
+    `against`: text on another unit that contradicts this one and what states it, or "".
     """
 
     unit: str
@@ -60,16 +61,21 @@ class Said(NamedTuple):
 class Layout(NamedTuple):
     """Layout of a topic's messages: the names of the fields to read, and what is known of them.
 
-    `gyro`, `accel`: fields that hold the axes. `by`: text that says why these fields are the axes. `time`:
-    fields of the time (seconds and their fraction, or one number), or empty. `time_s`: unit of each field
-    [s], empty if unknown. `rate`, `accel_unit`: units of rates and accelerations, None if unknown. `unread`:
-    other fields whose names look like those of a sensor. `definitions`: possible definitions of the ROS type;
-    each message is read by the first that fits it. `is_known`: whether the message type is made for inertial
-    sensors. `more`: further fields that are read. `tell`: fields whose names show that they distinguish
-    sensors in one topic. `others`: fields that perhaps distinguish sensors, too. `several`: names of the
-    gyroscopes in one message, if the user has to choose one. `fixed`: fields of units with their texts; only
-    messages with the same texts are read. `changed`: a scale or offset that may still have to be applied to
-    the rates, "" if none is stated.
+    Attributes:
+        gyro, accel: fields that hold the axes.
+        by: how it is known that these fields are the axes.
+        time: fields of the time (seconds and their fraction, or one number), or empty.
+        time_s: unit of each field of the time [s], empty if unknown.
+        rate, accel_unit: units of rates and accelerations, None if unknown.
+        unread: other fields whose names look like those of a sensor.
+        definitions: possible definitions of the ROS type. Each message is read by the first that fits it.
+        is_known: whether the message type is made for inertial sensors.
+        more: fields that are read besides time and axes, such as a scale in a PX4 message.
+        tell: if several sensors send to one topic, the fields whose names show that they distinguish them.
+        others: fields that perhaps distinguish such sensors, too.
+        several: names of the gyroscopes in one message, if the user has to choose one.
+        fixed: fields that hold the name of a unit, with this name. Messages with another name are left out.
+        changed: a scale or offset that may still have to be applied to the rates, "" if none is stated.
     """
 
     gyro: tuple[str, ...]
@@ -91,10 +97,10 @@ class Layout(NamedTuple):
 
 
 class Texts(NamedTuple):
-    """Functions that return texts on a field.
+    """Functions that take the name of a field and return what the file says about it.
 
-    `words`: descriptions of the field and of the fields that contain it, the innermost first. `unit`: text of
-    the field of units beside it.
+    `words`: descriptions of the field and of the fields that contain it, the innermost first. `unit`: text in
+    the message that names the field's unit; another field, next to this one, holds it.
     """
 
     words: Callable[[str], Iterable[str]] = lambda _: ()

@@ -28,8 +28,8 @@ WORDS = "description", "title", "unit", "units", "x-unit", "$comment"
 """Keywords of JSON Schema whose text describes a field."""
 
 MOST_OTHERS = 16
-"""The values of a field may distinguish sensors although the field's name does not show it. At most this
-number of such fields of a message is examined.
+"""A sensor's name or number may stand in a field whose own name does not suggest this. At most this number of
+such fields of a message is examined.
 """
 
 MOST_TRIED, MOST_TEXTS = 100, 10_000
