@@ -2,8 +2,8 @@
 
 Each connection has a thread of its own, which runs the client of the library paho-mqtt. The thread puts
 everything that happens into the queue `events`, which the connection's owner reads. So no lock is needed
-here. Each attempt to connect uses a new client: a client that reconnects would send its old messages after
-the newest status of the output.
+here. Each attempt to connect uses a new client. If a client connected again, it would send the old messages
+that it still holds, even after a newer status of the output.
 """
 
 import threading
@@ -235,9 +235,9 @@ def _exchange(client: Client, state: _State) -> None:
 
 
 def _can_read(state: _State) -> bool:
-    """Return whether to read: the receiver has room for messages, or the broker can send none yet.
+    """Return whether to read: the receiver has room for messages, or the connection is not up.
 
-    This function may wait up to HOLD_S for room.
+    Over a connection that is not up, no messages come. This function may wait up to HOLD_S for room.
     """
     if state.receiver is None or state.receiver.has_room is None or not state.is_up or state.is_closed:
         return True
@@ -269,7 +269,7 @@ def _on_connect(
         client.disconnect()
         return
     state.is_answered = True
-    if state.is_closed:  # in this case `close` was called while the connection was being opened
+    if state.is_closed:  # `close` was called before the broker had accepted the connection
         client.disconnect()
     elif state.receiver is None:
         state.up()

@@ -13,8 +13,8 @@ BACKOFF_S = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
 """Times to wait before connecting again [s]: after the first failure, the second one in a row, and so on."""
 
 SETTLED_NS = 10 * 10**9
-"""Time for which a connection has to work [ns], so that after its loss the first wait of BACKOFF_S applies
-again.
+"""If a connection has worked for this time [ns] when it is lost, the waits of BACKOFF_S begin anew with the
+first one.
 """
 
 OPENING_NS = 45 * 10**9
@@ -22,7 +22,7 @@ OPENING_NS = 45 * 10**9
 
 
 class Opened(Protocol):
-    """What a `Link` holds: a connection to a broker, or one user's part of a shared connection."""
+    """What a `Link` holds: a connection to a broker, or one device's view of a connection that many share."""
 
     events: deque[Event]
 
@@ -61,7 +61,7 @@ class Link:
         return self._connection is None and clock.host_ns() >= self._retry_ns
 
     def open(self, connection: Opened) -> None:
-        """Use a connection that has just begun to open."""
+        """Let this be the link's connection from now on. It has just begun to open."""
         self._opened_ns = clock.host_ns()
         self._connection = connection
 

@@ -15,7 +15,7 @@ RETRY_S = 0.1
 """During an outage, the thread checks at this interval [s] whether to try again to connect."""
 
 PLAIN = Session()
-"""A session without a will, for which the broker keeps nothing."""
+"""A session for which the broker keeps no messages, and publishes none if the program vanishes."""
 
 FAREWELL_S = 1.0
 """Longest wait for a connection to end after it was closed [s]."""
