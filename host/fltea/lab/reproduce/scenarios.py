@@ -5,8 +5,9 @@ Sierociuk 2023; section 7 is in `gyroscope`. Every seed gives one run. A seed gi
 other seeds there are.
 
 The paper does not give the saw-tooth of examples 1 and 2 (`SawTooth`), nor any number of section 6.2, so they
-are chosen here. The process noise E[ωω'] = 1e-5 is inside the brackets of equation (2), before h^α; the
-filter's Q = 1e-5 is the variance of a whole step, as in the paper.
+are chosen here. In the data of the examples, the process noise ω has the variance 1e-5, and is multiplied by
+h^α with the rest of the brackets of equation (2). The filter's Q = 1e-5 is the variance that one step adds to
+the state, after this multiplication. Both are as in the paper.
 """
 
 import math
@@ -76,7 +77,7 @@ class SawTooth:
     def samples(self, n: int, h: float) -> Array:
         """Return the inputs u_0 .. u_{n-1} at the times 0, h, 2h, ..., shape (n,)."""
         phase = np.arange(n, dtype=np.float64) * h / self.period_s
-        # the small number is added since a rounding error could hide the end of a period
+        # 1e-9 is added since rounding may leave the phase just below a whole number, where a period begins
         phase -= np.floor(phase + 1e-9)
         return self.amplitude * (phase if self.unipolar else 2 * phase - 1)
 
@@ -156,26 +157,28 @@ def example(
     )
 
 
-# Values for the paper's section 6.2, which gives none. The state x has the order α₁, and its source ω' is
-# itself fractional noise of order α₂. Sampling period, number of samples and filters are those of the
-# gyroscope in section 7, where the paper has no known input either.
+# Values for the experiment of the paper's section 6.2, which states none. The state x has the order α₁. The
+# noise that drives x is white, or is fractional noise of order α₂. Sampling period, number of samples and
+# filters are those of the gyroscope in section 7, where the paper has no known input either.
 UNKNOWN_ALPHA, UNKNOWN_F = 0.4, -1.0
 SOURCE_ALPHA, SOURCE_F = 0.3, -1.0
 UNKNOWN_R, UNKNOWN_FILTER_R = 0.05, 0.3
 """UNKNOWN_R: variance of the measurement noise v. UNKNOWN_FILTER_R: the R that the filters use, which is
 about the variance of y, as in the paper's section 7.
 
-One step adds to the state x the variance STEP_VARIANCE = h^(2 (α₁ + α₂)) Q, as the filters assume. Here Q is
-the variance of the white noise ω, α₁ the order of x, and α₂ the order of its source (0 if white). With R =
-0.05 in the filters, the paper's algorithm diverges for every seed, since its filters of order and parameter
-ignore the variance of the estimated state.
+One step adds the variance STEP_VARIANCE to the state x, in the data and in the filters. So the white noise ω
+has the variance Q with STEP_VARIANCE = h^(2 (α₁ + α₂)) Q. α₁ is the order of x, and α₂ that of the noise that
+drives x (0 if it is white).
+
+With R = 0.05 in the filters, the paper's algorithm diverges for every seed. The reason is that its filters of
+order and parameter take the estimated state as exact.
 """
 
 
 def unknown_input(*, fractional: bool, samples: int = paper.GYRO_SAMPLES) -> Scenario:
     """Return the experiment of the paper's section 6.2, with unknown input.
 
-    `fractional`: whether the source noise is fractional; otherwise it is white.
+    `fractional`: whether the noise that drives the state is itself fractional; otherwise it is white.
     """
     alpha = np.full(samples, UNKNOWN_ALPHA)
     source_alpha = np.full(samples, SOURCE_ALPHA)

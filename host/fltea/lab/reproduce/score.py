@@ -33,9 +33,10 @@ LSB_DPS = 1 / 16.4
 
 @dataclass(frozen=True)
 class Resting:
-    """A case with a gyroscope at rest, or with faulty data in its place.
+    """A case with the samples of a gyroscope at rest, some of them with a fault such as spikes.
 
-    The data are white noise of variance V, modified by the function `turn`.
+    `turn`: function that makes the samples from white noise of variance V. `R_over_V`: R of the filters, as a
+    multiple of V.
     """
 
     name: str
@@ -85,11 +86,11 @@ def steps(seeds: int) -> int:
 def score(seeds: int, options: Options, advance: Callable[[str, int], None]) -> list[dict[str, Any]]:
     """Return one row for each case and guard; `options.guard` is ignored.
 
-    Keys:
-        not_finite: number of runs that are not finite. far_off: number of runs that are far off. state,
-        parameter, order: for cases with an input, medians of the squared errors over the finite runs. kept:
-        the same medians over the seeds whose run without a guard is finite and not far off. alpha, f: for a
-        gyroscope at rest, medians of the last estimates of finite runs.
+    Keys (`Outcome` says which runs are not finite, and which are far off):
+        not_finite, far_off: numbers of such runs.
+        state, parameter, order: for driven cases, medians of the squared errors over all finite runs.
+        kept: the same medians, but over the seeds whose run without a guard is finite and not far off.
+        alpha, f: for a gyroscope at rest, medians of the last estimates of all finite runs.
 
     A median that overflows, or that has no run, is None.
     """

@@ -30,9 +30,9 @@ class Times(NamedTuple):
 def measure(
     sawtooth: SawTooth, options: Options, advance: Callable[[int], None]
 ) -> Iterator[tuple[int, Times]]:
-    """Yield each length L with its times.
+    """Yield each length L with the times of the engine (fltea's filters) and of the numpy reference.
 
-    The numpy reference runs the paper's algorithm, the engine runs with `options`.
+    `options`: settings of the engine. The reference is the algorithm as the paper has it.
     """
     scenario = example(1, sawtooth)
     data = scenario.make([0])
