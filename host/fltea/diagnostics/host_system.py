@@ -1,4 +1,7 @@
-"""Finds out what `fltea devices` and `fltea doctor` need to know of the machine. Tests replace the class."""
+"""Finds out what `fltea devices` and `fltea doctor` need to know of the machine.
+
+Tests replace the class `System` by one that invents a machine.
+"""
 
 import contextlib
 import ctypes

@@ -14,7 +14,7 @@ from fltea.sinks.opening import output_module
 
 
 def check_outputs(configs: Sequence[Config], system: System) -> Iterator[Finding]:
-    """Yield findings on every output that the configuration switches on, and on the file of snapshots.
+    """Yield findings on every output that is switched on, and on the file that keeps a fit for the next run.
 
     An output whose library is not installed is left out here: `check_packages` reports it.
     """

@@ -40,10 +40,10 @@ class Drift(NamedTuple):
 class Heard:
     """Summary of what a device sent while `hear` listened.
 
-    `opened`: whether the port was opened. `troubles`: all troubles in order, fatal or not. `delivered`,
-    `lost`: numbers of samples that arrived, and that were lost. `seconds`: time from the first to the last
-    sample, by the device's clock. `drift`: how much faster the device's clock is than the host's; None if
-    there were too few samples.
+    `opened`: whether the port was opened. `troubles`: everything that went wrong, in order of time; a trouble
+    that makes the device useless is `fatal`. `delivered`, `lost`: numbers of samples that arrived, and that
+    were lost. `seconds`: time from the first to the last sample, by the device's clock. `drift`: how much
+    faster the device's clock is than the host's; None if there were too few samples.
     """
 
     opened: bool = False
