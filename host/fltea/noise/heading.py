@@ -50,9 +50,9 @@ class Rest(NamedTuple):
 
 
 def ahead(system: System, h: float, t_s: float) -> Ahead:
-    """Return the error of the heading `t_s` seconds after the last sample at rest, which is a sum of errors.
+    """Return the error of the heading `t_s` seconds after the last sample at rest, as a function of x then.
 
-    `h`: sampling period [s].
+    x is the state of the system. `h`: sampling period [s].
     """
     return aheads(system, h, [t_s])[0]
 
