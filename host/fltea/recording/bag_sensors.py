@@ -43,10 +43,10 @@ class Sensors:
     """Selects the messages of one of the sensors that send on a topic.
 
     `names`: fields that distinguish sensors. `others`: further fields, which are used only if their values
-    alternate.
+    alternate as those of several sensors do.
     `value`: sensor that the user names, in the form `FIELD=VALUE` or `VALUE`.
-    `which`: question for the user if there are several sensors and the user named none. While this question
-    is open, the messages of the first sensor are read.
+    `which`: question for the user if there are several sensors and the user named none; else None. In this
+    case the messages of the first sensor are read.
     """
 
     def __init__(
@@ -70,8 +70,8 @@ class Sensors:
     def keep(self, values: Sequence[NDArray[np.str_]], figures: Floats | None = None) -> Marks:
         """Mark the messages to read, which are the messages of one sensor.
 
-        `values`: for each field, its value in each message (n,). `figures`: numbers (n, columns) of the same
-        messages.
+        `values`: for each field in `names` and `others`, its value in each message (n,). `figures`: numbers
+        in the same messages (n, columns), by which sensors may differ.
         """
         kept = np.ones(len(values[0]) if values else 0, np.bool_)
         if self._of is None and len(kept):

@@ -14,10 +14,10 @@ FACTORS = np.random.default_rng(1).integers(1 << 62, 1 << 63, 6, dtype=np.uint64
 def held_twice(spool: Spool) -> Marks | None:
     """Mark the messages (n,) that repeat an earlier message of the bag.
 
-    Return None if the times never run backwards, since no stretch of the bag is then repeated. Two messages
-    are equal if all their numbers and their stamps are equal. Without stamps, their arrival times must be
-    equal. Each step of the times backwards begins a new run of rising times. Only messages of different runs
-    are compared here; `bag_gather` compares neighbouring messages.
+    If a bag holds a part twice, the times step backwards where the copy begins. So return None if the times
+    never step backwards. Each step backwards begins a new run of messages. A message is marked if an equal
+    message is in an earlier run; `bag_gather` finds equal neighbours within a run. Messages are equal if all
+    their numbers and their times are equal. The time is the stamp, or without a stamp the arrival time.
 
     `spool`: columns `gyro`, `accel`, `stamp` [ns] and `arrival` [ns].
     """

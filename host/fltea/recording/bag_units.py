@@ -103,10 +103,11 @@ def scales(where: str, layout: Layout, how: How) -> Scales:
 
 
 class Rest(NamedTuple):
-    """Values at rest, in the file's units: mean rates (3,), and noise (3,), the σ of means over 1 s.
+    """Values at rest, in the file's units.
 
-    `gravity`: mean accelerations of all stretches (n, 3). `moves`: whether the sensor moves even in the
-    quietest stretches.
+    `mean`: mean rates (3,). `noise`: σ that the white noise of the rates has in means over 1 s (3,).
+    `gravity`: mean accelerations of each stretch of time (n, 3). `moves`: whether the sensor moves even in
+    the quietest stretches.
     """
 
     mean: Floats
@@ -197,10 +198,10 @@ def check_rates(
     table: Callable[[], str],
     options: Sequence[str],
 ) -> None:
-    """If only a convention gives the unit of the rates: check that noise and mean at rest suit a gyroscope.
+    """Check that the rates' noise and mean at rest are a gyroscope's, if only a convention gives their unit.
 
-    `accel`: result of the comparison of the accelerometer with gravity. `table`: function that returns the
-    table of candidate units for the error message. `options`: the user's options.
+    `accel`: result of the comparison of the accelerometer with gravity, for the error message. `table`:
+    function that returns the table of candidate units for this message. `options`: the user's options.
 
     Raises:
         NotStated: no gyroscope has such a noise or such a mean in this unit.

@@ -34,14 +34,14 @@ distinguished.
 """
 
 STEADY = 0.1
-"""Vectors may be gravity if the median deviation of their lengths from the median length is at most this
-proportion of the median length.
+"""Vectors may be gravity only if they are about equally long. The median deviation from their median length
+may be at most this proportion of the median length.
 """
 
 UNITS = ("rad/s", "deg/s", "mrad/s", "mdps", "deg/h")
 COUNTS = ("lsb:131", "lsb:65.5", "lsb:32.8", "lsb:16.4")
-"""Units of raw counts. The number is the counts per deg/s of the commonest gyroscopes with the ranges ±250,
-±500, ±1000 and ±2000 deg/s.
+"""Units of raw counts: `lsb:131` means 131 counts per deg/s. The commonest gyroscopes have these units at the
+ranges ±250, ±500, ±1000 and ±2000 deg/s.
 """
 
 MOST_N, MOST_MEAN_DPS = 5.0, 20.0
@@ -54,9 +54,7 @@ LIKELY_HZ = PLAUSIBLE_HZ[0] / 5, PLAUSIBLE_HZ[1] * 2
 
 MOST_COLUMNS = 40
 NOBODY_MEASURES = 1e100
-"""Numbers of at least this size are no measurements and are left out. The squares of the remaining numbers do
-not overflow.
-"""
+"""Numbers of this size or more are no measurements. They are left out, since their squares might overflow."""
 
 
 def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] | None = None) -> str:
@@ -110,11 +108,11 @@ def columns_table(names: Sequence[str] | None, values: Floats) -> str:
 
 
 def times_table(step: float, limits_hz: tuple[float, float] = LIKELY_HZ, also: str = "") -> list[str]:
-    """Return a line for each unit of time in which `step` gives a possible sampling rate: option and rate.
+    """Return a line for each unit of time in which `step` gives a possible sampling rate.
 
-    `step`: usual step between times in the file.
+    A line shows the option that states the unit, and the rate: `--time-unit ms: 100 Hz`.
 
-    `also`: further text that is shown after the option.
+    `step`: usual step between times in the file. `also`: text to add after the option.
     """
     rates = {unit: 1 / (step * unit_s) for unit, unit_s in SECONDS.items()} if step > 0 else {}
     return [
@@ -125,9 +123,10 @@ def times_table(step: float, limits_hz: tuple[float, float] = LIKELY_HZ, also: s
 
 
 def ticks_table(step: float, units: Sequence[str]) -> str:
-    """Return a text on what `step` would be in each unit of time.
+    """Return a text on the sampling rate that the step between times gives in each unit of time.
 
-    `units`: lines of a `times_table`. The text ends with the option for times in counts of unknown length.
+    `units`: lines that `times_table` returned for this step. The text ends with the option for times in
+    counts of unknown length.
     """
     return "\n".join([f"A step of {step:.6g} would be:", *units, "  or in ticks of unknown length: --rate ?"])
 
@@ -135,7 +134,7 @@ def ticks_table(step: float, units: Sequence[str]) -> str:
 def gravity_units(values: Floats) -> list[str]:
     """Return the units in which an accelerometer's axes (n, 3) at rest have the length of gravity.
 
-    The list is empty if the length fits both counts and a unit.
+    If the length fits raw counts and also another unit, nothing shows which is right: the list is empty.
     """
     values = _possible_rows(values)
     length = np.linalg.norm(values, axis=1)
@@ -161,7 +160,10 @@ def is_rising(column: Floats) -> bool:
 
 
 def _remarks(values: Floats) -> dict[int, str]:
-    """Return remarks on columns whose numbers rise, and on three neighbours that have gravity's length."""
+    """Return remarks for the user on columns that may be times or accelerations, by column index.
+
+    Times rise. Three neighbouring columns may be accelerations if their vector is as long as gravity.
+    """
     found = {}
     numbers = []
     for place in range(values.shape[1]):

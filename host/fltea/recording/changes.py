@@ -40,11 +40,11 @@ class Changes:
         self.motions: int | None = None
 
     def expect(self) -> None:
-        """Start the counts of steps and motions at 0. Call this if the recording has a channel for them."""
+        """Set counts that are None to 0, since the recording has a channel for steps and motions."""
         self.steps, self.motions = self.steps or 0, self.motions or 0
 
     def count(self, record: StepMark | MotionMark) -> None:
-        """Count one record. A motion has two records, of which the first one counts."""
+        """Count one record. A motion has one record when it begins and one when it ends; the first counts."""
         self.expect()
         assert self.steps is not None
         assert self.motions is not None

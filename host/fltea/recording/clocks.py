@@ -16,8 +16,8 @@ MOST_IN_TURNS = 4
 """Largest number of alternating sensors that can be recognised from the times alone."""
 
 SHORT_GAPS = 2, 3, 4
-"""Steps between times that are this many sampling periods long always mean lost samples, however many such
-steps there are. Longer steps may also be pauses between bursts of rows.
+"""A step between times that is this many sampling periods long means lost samples, even if many steps are as
+long. A longer step may also be a pause between bursts of rows.
 """
 
 NEARLY = 1e-3
@@ -26,10 +26,10 @@ resolution.
 """
 
 COARSEST_S = 1e-3 * (1 + NEARLY)
-"""Coarsest resolution of times from which the period is measured: milliseconds [s].
+"""Coarsest resolution of times that is taken into account if nearly all steps between times are equal [s].
 
-If times have a coarser resolution and nearly all steps are one unit of it, the period is ambiguous: 99 Hz in
-hundredths of a second look like 100 Hz with every hundredth sample lost.
+With a coarser resolution, these equal steps are taken as the period, since the times do not show the true
+one: in hundredths of a second, 99 Hz looks like 100 Hz with every hundredth sample lost.
 """
 
 FEWEST_ODD, ODD_SHARE = 20, 0.005
@@ -38,19 +38,20 @@ FEWEST_ODD rows, and at least the fraction ODD_SHARE of all rows.
 """
 
 RARE, CLEAN_SHARE = 0.05, 0.5
-"""Among all stretches with a certain number of rows, the quantile RARE of their durations is taken as the
-duration without lost samples. At least the fraction CLEAN_SHARE of the stretches must be free of loss.
+"""A stretch of n rows lasts longer if samples were lost in it. Of the durations of all stretches of n rows,
+the quantile RARE is taken as the duration without loss. If fewer than the fraction CLEAN_SHARE of the
+stretches are about as short, the period is not measured from stretches of n rows.
 """
 
 FEWEST_BURSTS, MANY_BURSTS, ALIKE_SHARE = 3, 10, 0.7
-"""Rows count as coming in bursts if there are at least this many long steps between times: FEWEST_BURSTS if
-the bursts are regular, MANY_BURSTS if they are not. Bursts are regular if at least the fraction ALIKE_SHARE
-of them is alike.
+"""A long step between times may be a pause between two bursts of rows. Bursts are recognised from at least
+this many pauses: FEWEST_BURSTS if the bursts are regular, MANY_BURSTS if not. Bursts are regular if at least
+the fraction ALIKE_SHARE of them have about equally many rows, and as many pauses are about equally long.
 """
 
 MOST_IN_STEPS, NEARLY_ALL = 0.5, 0.8
-"""Rows count as coming in bursts if the long steps between times take more than this fraction of the whole
-time: MOST_IN_STEPS for regular bursts, NEARLY_ALL for irregular bursts.
+"""Bursts of rows are recognised only if the pauses between them take more than this fraction of the whole
+time: MOST_IN_STEPS if the bursts are regular, NEARLY_ALL if not.
 """
 
 
@@ -64,11 +65,11 @@ class Bursts(NamedTuple):
 class Clock(NamedTuple):
     """What the steps between times show about their clock. All times are in the unit of their column.
 
-    `typical`: mean step without gaps. `even`: whether the steps are those of a sensor's clock. `bursts`: the
-    bursts in which rows arrive, or None. `is_coarse`: whether times are rounded so coarsely that different
-    times became equal.
-    `is_rounded`: whether times are rounded to a large part of the period. `in_turn`: number of alternating
-    sensors, after which the lengths of the steps repeat; 0 if sensors do not alternate.
+    `typical`: sampling period, as far as the steps show it. `median`, `least`, `largest`: median, smallest
+    and largest step. `even`: whether the steps are those of a sensor's clock. `bursts`: the bursts in which
+    rows arrive, or None. `is_coarse`: whether times are rounded so coarsely that different times became
+    equal. `is_rounded`: whether equal periods give different steps, since times are rounded to a large part
+    of the period. `in_turn`: number of sensors whose rows alternate; 0 if the steps do not show this.
     """
 
     typical: float
@@ -100,8 +101,8 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
     if single >= EVEN_SHARE and grain * elapsed.unit_s > COARSEST_S:
         grain = 0.0
     period = _by_stretches(blocks, median, grain) if grain else None
-    # the median step is several units of the resolution, so it contains no lost sample and needs no
-    # correction
+    # The stretches are too short to measure the period. But the median step is more than two units of the
+    # resolution, so rounding changes it little.
     if period == math.inf and grain < median / 2:
         period = None
     if period is not None or (grain and share < EVEN_SHARE):
@@ -117,9 +118,10 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
 
 
 def _in_turn(steps: Floats, grain: float) -> int:
-    """Return the number of steps after which the lengths of the steps repeat, as for alternating sensors.
+    """Return the number of alternating sensors that the steps between rows show; 0 if they show none.
 
-    The result is 0 if the steps are equal, or differ only by the rounding of times to multiples of `grain`.
+    With two sensors, for instance, short and long steps alternate. Steps that differ only by the rounding of
+    times to multiples of `grain` show nothing.
     """
     for count in range(2, min(MOST_IN_TURNS, len(steps) // 4) + 1):
         middle = np.array([np.median(steps[k::count]) for k in range(count)])
@@ -143,9 +145,12 @@ def _steps(blocks: Iterable[Floats]) -> Iterator[Floats]:
 def _even_share(
     blocks: Iterable[Floats], median: float, tolerance: float, odd: int
 ) -> tuple[float, float, float]:
-    """Return the fraction of steps near `median`, the fraction near 1 to 4 medians, and the mean step.
+    """Compare the steps between times with their median.
 
-    The mean is taken over the steps near `median`.
+    Return three numbers: the fraction of steps near the median; the fraction of steps near 1, 2, 3 or 4
+    medians, as lost samples cause them; and the mean of the steps near the median.
+
+    `tolerance`: how far a step that is near may differ. `odd`: number of faulty times, which count as steps.
     """
     count, near, gaps, total = odd, 0, 0, 0.0
     for steps in _steps(blocks):
@@ -170,10 +175,13 @@ def _grain(blocks: Blocks, median: float) -> float:
 def _by_stretches(blocks: Blocks, median: float, grain: float) -> float | None:
     """Return the period of rounded times, measured over long stretches; None if the median step is right.
 
-    At 800 Hz in whole ms, steps of 1 and 2 ms alternate, and all stretches with the same number of steps have
-    nearly the same length. The period is then this length divided by the number of steps. At 1000 Hz with
-    lost samples, some stretches last as many ms as they have steps: the median step, 1 ms, is right. The
-    result is infinite if the stretches are too short to decide.
+    Example: times in whole ms have steps of 1 and 2 ms, and the median step is 1 ms. This has two causes:
+    - The rate is 800 Hz. Then all stretches with the same number of steps have nearly the same length. The
+      period is this length divided by the number of steps.
+    - The rate is 1000 Hz, and samples were lost. Then some stretches without loss last exactly as many ms as
+      they have steps. The median step is right.
+
+    The result is infinite if the stretches are too short to decide.
     """
     found = [(len(t), _of_block(t, median, grain)) for t in blocks() if len(t) > 1]
     total = sum(rows for rows, _ in found)
@@ -201,7 +209,7 @@ def _of_block(times: Floats, median: float, grain: float) -> float | None:
         return period
     steps[steps > (SHORT_GAPS[-1] + 0.5) * period] = period
     times = np.cumsum(steps)
-    # samples may be missing between these times, so `Numbering` gives them their numbers
+    # `Numbering` gives the times their sample numbers; it skips numbers where samples are missing
     numbers = (
         Numbering(period, 1 / period, is_rounded=True).add(times, np.zeros(len(times), np.bool_)).sequence
     )

@@ -47,7 +47,10 @@ def _axis(words: str) -> re.Pattern[str]:
 
 
 def _sensor(words: str, letters: str) -> re.Pattern[str]:
-    """Compile a pattern for names with an axis before or after one of `words`, or after one of `letters`."""
+    """Compile a pattern for the names of a sensor's axes, such as `gyro_x`, `x_gyro` or `gx`.
+
+    `words`: the sensor's names, separated by |. `letters`: its abbreviations of one letter.
+    """
     behind, before = rf"(?:{words})\d?{_SORT}_?(?P<x>[xyz])", rf"(?P<before>[xyz])_?(?:{words})"
     return _axis(rf"{behind}|{before}|[{letters}]_?(?P<bare>[xyz])")
 
@@ -105,7 +108,7 @@ class _Name(NamedTuple):
     """A parsed name of a column.
 
     `base`: name without the unit. `words`: words of `base` in small letters, joined by _. `unit`: unit in the
-    name. `is_in_brackets`: whether the unit, or an index, is in brackets.
+    name. `is_in_brackets`: whether the name has brackets with a unit, or with the axis as in `gyro[0]`.
     """
 
     base: str
@@ -165,10 +168,10 @@ def time_unit_of(name: str) -> TimeUnit | None:
 
 
 def time_scale_of(name: str) -> tuple[TimeUnit, float] | None:
-    """Return the unit of times in a name, and the number of such units that a 1 in the column means.
+    """Return the unit of times that a name states, and a number of such units: for minutes, s and 60.
 
-    Abbreviations of minutes and of longer units must be marked as units, for instance by brackets, since they
-    may mean other things.
+    Abbreviations of minutes and of longer units are accepted only where they must be units, for instance in
+    brackets, since they may mean other things.
     """
     found = _parts(name)
     if found.unit:
@@ -231,7 +234,10 @@ def states_units(name: str) -> bool:
 
 
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
-    """Return, for each column of whole seconds, the column of fractions by its name, and their unit [s]."""
+    """Return, for each column of whole seconds, the column of their fractions, and the fractions' unit [s].
+
+    The names show which columns belong together, such as `stamp.sec` and `stamp.nanosec`.
+    """
     parts: dict[int, tuple[int, float]] = {}
     bases = {}
     for place, name in enumerate(names):
@@ -319,10 +325,12 @@ def accel_axis_of(name: str, unit: str = "") -> str | None:
 
 
 def _axis_in(name: str, unit: str, axis: re.Pattern[str], kind: Callable[[str], object]) -> str | None:
-    """Return the axis that a name means; None if it means none, or if the column's unit contradicts.
+    """Return the axis of a sensor that a column's name means; None if it means none.
 
-    `axis`: matches the names of the sensor's axes. `kind`: function that knows the sensor's units. If it
-    knows the column's unit, the name `x` alone is an axis, too.
+    The result is also None if the column's unit is not one of the sensor's. If the unit is clearly one of
+    them, the name `x` alone is an axis, too.
+
+    `axis`: matches the names of the sensor's axes. `kind`: function that returns None for other units.
     """
     parts = _parts(name)
     stated = _stated(parts, unit)

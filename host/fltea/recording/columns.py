@@ -30,8 +30,8 @@ IMPOSSIBLE = 1e300
 class StatedRate(NamedTuple):
     """The sampling rate that the user or the file states, None if neither does.
 
-    `is_given`: whether the user states it; `overrule`: whether it is then used even if the times contradict
-    it.
+    `is_given`: whether the user states it. `overrule`: whether the user wants the options to be used even if
+    the times contradict them.
     """
 
     hz: float | None = None
@@ -46,12 +46,12 @@ NO_TIMES, NO_RATE = ClockColumns(), StatedRate()
 class Chosen:
     """The columns to read, as indices from 0, and their units.
 
-    `gyro`: columns of the axes; `axes`: the letter x, y or z of each axis. `unit`: unit of the rates.
-    `clock`: columns that say the times. `accel`: columns of the accelerometer's axes x, y, z, or empty;
-    `accel_ms2`: unit of these columns [m/s²]. `sensor`: column that distinguishes sensors, and the value of
-    the sensor to read, None if there is only one value. `turn`: index of the sensor to read among sensors
-    whose rows alternate, and the number of these sensors. `answers`: the
-    choices so far, each with its evidence. `notes`: warnings for the user.
+    `gyro`: columns of the axes. `axes`: the letter x, y or z of each axis. `unit`: unit of the rates.
+    `clock`: columns of the times. `accel`: columns of the accelerometer's axes x, y, z, or empty.
+    `accel_ms2`: unit of these columns [m/s²].
+    `sensor`: column that distinguishes sensors, and its value for the sensor to read. The value is None if
+    only one occurs. `turn`: for sensors whose rows alternate, the index of the one to read, and the number of
+    sensors. `answers`: the choices so far, each with its evidence. `notes`: warnings for the user.
     """
 
     names: list[str]

@@ -36,8 +36,8 @@ the user can decompress it, and the ending that this program expects.
 """
 
 DAMAGE = (OSError, ValueError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, NotImplementedError)
-"""Errors that libraries raise for damaged data. For an archive with a password they raise a RuntimeError,
-which is not in this list.
+"""Errors that libraries raise for damaged data. It lacks RuntimeError, which they raise for an archive with a
+password.
 """
 
 LIKELY = ("gyro", "imu", "raw data", "angular", "rotation")

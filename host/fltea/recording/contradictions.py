@@ -18,8 +18,8 @@ from fltea.records.errors import UsageError
 from fltea.records.units import STANDARD_GRAVITY_MS2
 
 MOST_OFFSET_DPS = 5.0
-"""A usual offset at rest is at most this large [deg/s]. If three rates are no larger, a length of their
-vector near 1 is not taken for gravity in g.
+"""Largest usual offset of a gyroscope at rest [deg/s]. Rates of 1 deg/s may look like gravity in g. So
+columns are suspected to hold accelerations only if their vector, taken as rates, is longer than this.
 """
 
 FEWEST_STEPS = 8
@@ -81,7 +81,7 @@ def _compare_clocks(choice: Choice, time: int, unit_s: float | None, fine: int |
             other_s = unit_s
         if other_s is not None and unit_s is not None:
             ratio = found * other_s / unit_s
-        else:  # the units are unknown, so a power of 1000 in the clocks' ratio is taken as a ratio of units
+        else:  # a unit is unknown: if one clock runs 1000 times as fast, only its unit is taken to differ
             ratio = found / 1000 ** round(math.log(found, 1000))
         if abs(ratio - 1) > SAME_RATE:
             what = f"which clock is right: {listed([names[time], name])} differ by a factor of {ratio:.4g}"
@@ -98,7 +98,8 @@ def _of_dialect(choice: Choice) -> list[str]:
 def _runs_as(times: Floats, others: Floats) -> float | None:
     """Return the ratio of the steps of `times` to those of `others`.
 
-    Return None if the ratio varies from step to step. Then one of the two columns is no clock.
+    If the ratio varies from step to step, one of the two columns is no clock: return None. Also return None
+    if there are too few steps.
     """
     steps, ahead = np.diff(times), np.diff(others)
     known = np.isfinite(steps) & np.isfinite(ahead) & (ahead > 0)
@@ -113,14 +114,14 @@ def _runs_as(times: Floats, others: Floats) -> float | None:
 def check_gravity(
     choice: Choice, gyro: Sequence[int], dps: float, accel: Sequence[int], accel_ms2: float
 ) -> None:
-    """Check that the vector of the accelerations is as long as gravity, and the vector of the rates is not.
+    """Check that the accelerometer measures gravity, and that the gyroscope's numbers do not look like it.
 
     `gyro`: columns of the gyroscope's axes. `dps`: unit of their numbers [deg/s]. `accel`: columns of the
-    accelerometer's axes; `accel_ms2`: unit of these columns [m/s²].
+    accelerometer's axes. `accel_ms2`: unit of these columns [m/s²].
 
     Raises:
-        UsageError: the vector of the accelerations is as long as gravity only in another unit than the user
-            says, or the vector of the rates is as long as gravity.
+        UsageError: the accelerations have the length of gravity in another unit than the user says. Or the
+            numbers in the gyroscope's columns have the length of gravity, and the accelerations have not.
     """
     how, dialect, values = choice.how, choice.dialect, choice.first_rows()
     if how.overrule or values is None:
@@ -152,7 +153,10 @@ def check_gravity(
 
 
 def _check_alone(choice: Choice, gyro: Sequence[int], values: Floats, dps: float) -> None:
-    """Raise UsageError if the rates form a vector as long as gravity, and only the user calls them rates."""
+    """Raise UsageError if rates look like accelerations, and nothing but the user's option states their unit.
+
+    They look like accelerations if their vector is as long as gravity in some unit.
+    """
     names = [choice.names[place] for place in gyro]
     is_stated = any(rate_unit_of(choice.names[p]) or rate_unit(choice.units[p]) for p in gyro)
     measured = candidates.gravity_units(values) if len(gyro) == 3 and not is_stated else []

@@ -16,7 +16,7 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 BLOCK_BYTES = 1 << 18
 HEAD_BYTES = 1 << 18
 HEAD_LINES = 10_000
-"""Number of lines at the beginning of a text, one of which must name the columns or be a row of numbers."""
+"""A text is refused if its first HEAD_LINES lines neither name the columns nor hold a row of numbers."""
 
 
 def open_csv(

@@ -20,7 +20,7 @@ from fltea.recording.wanted import NUMBER
 from fltea.records.units import STANDARD_GRAVITY_MS2
 
 _SHARED = re.compile(r"(?:.*[\s._/:-])?")
-"""Matches the beginning of a name, up to its last separator between words."""
+"""Matches the beginning of a name, up to and including its last separator: `imu0.` in `imu0.gyro`."""
 
 
 # Why more than 12 attributes: each is one key of a row of dialects.toml.
@@ -44,18 +44,20 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     The dialect states the facts below. A column is given by a regular expression for its whole name, or by
     its position from 1.
 
-    `gyro`: columns of the axes x, y, z; several such triples, the best first. `gyro_unit`: unit of these
-    columns in the notation of `--units`; "" if the names or a row of units state it. `gyro_scale`: name of a
-    factor for these columns, which the head gives as `NAME,NUMBER`. `ask_unit`: possible units, each with the
-    case in which it applies, if nothing in the file shows the unit. `accel`, `accel_unit`, `accel_scale`: the
-    same three facts for the accelerometer. `time`: columns of times, the best first; in `A+B`, A holds
-    seconds and B the nanoseconds to add. `time_unit`: s, ms, us or ns; `time_ticks`: how many of this unit a
-    1 in the column stands for;
-    `time_scale`: name of a factor for times that the head gives. `convention`: whether other loggers use the
-    same names with other units, so that the numbers are checked. `rate`: regular expression for the head,
-    whose first group is the sampling rate [Hz]. `sensor`: column that distinguishes several sensors.
-    `no_time`: columns that hold no times, whatever their names suggest. `unread`: reason why such a file
-    holds no gyroscope data, for dialects that are recognised and not read. `note`: warning for the user.
+    `gyro`: columns of the axes x, y, z; several such triples, the best first.
+    `gyro_unit`: unit of these columns in the notation of `--units`; "" if the file states it.
+    `gyro_scale`: name of a factor for these columns. The head gives the factor as `NAME,NUMBER`.
+    `ask_unit`: if nothing in the file shows the unit: possible units, each with the case in which it applies.
+    `accel`, `accel_unit`, `accel_scale`: for the accelerometer, what the three keys of `gyro` state.
+    `time`: columns of times, the best first. In `A+B`, A holds seconds and B the nanoseconds to add.
+    `time_unit`: unit of the times: s, ms, us or ns. `time_ticks`: number of these units in a step of 1.
+    `time_scale`: name of a factor for the times, which the head gives.
+    `convention`: whether other loggers use the same names with other units. If so, the numbers are checked.
+    `rate`: regular expression for the head; its first group is the sampling rate [Hz].
+    `sensor`: column that distinguishes several sensors.
+    `no_time`: columns that hold no times, whatever their names suggest.
+    `unread`: why such a file holds no gyroscope data; only for dialects that are recognised and not read.
+    `note`: warning for the user.
     """
 
     name: str
@@ -114,11 +116,11 @@ class Facts(NamedTuple):
 
     `head`: the lines before the column names. `file`: name of the file. `rates`: sampling rates that the file
     states [Hz], each by where it was found, such as `imu.fs`. `sample`: function that returns the first rows
-    of all columns (n, width), NaN where there is no number. `units_from`: evidence and source of the units of
-    the columns.
+    of all columns (n, width), NaN where there is no number. `units_from`: the kind of evidence for the
+    columns' units, and a text that says where the units are stated.
     `beside`: labels of numbers that stand on lines of their own between the rows, such as `temp: 23.1`.
-    `cells`: function that returns the texts in a column, given its index, in the same first rows. `changed`:
-    columns whose numbers may need a further scale or offset, each with a text about it.
+    `cells`: function that returns the texts in the first rows of a column, given the column's index.
+    `changed`: columns to which a scale or an offset may still have to be applied, each with a text about it.
     """
 
     head: str = ""
@@ -141,7 +143,7 @@ class Facts(NamedTuple):
 
 @cache
 def _of_kind(by_names: bool) -> list[Dialect]:
-    """Return the dialects that are recognised by column names; if `by_names` is false, the other dialects."""
+    """Return the dialects that are recognised by column names, or if `by_names` is false, all others."""
     return [one for one in dialects() if bool(one.names) == by_names]
 
 
@@ -168,7 +170,10 @@ def may_be_of_a_dialect(names: Sequence[str]) -> bool:
 
 
 def names_kinds(line: str) -> bool:
-    """Return whether a line shows that a file has a dialect whose rows begin with the name of their kind."""
+    """Return whether a line belongs to the head of a dialect in which each row begins with a tag.
+
+    The tag names the kind of the row: `GYRO`, for instance.
+    """
     return any(re.search(pattern, line) for one in dialects() if one.tag for pattern in one.head)
 
 
@@ -201,10 +206,10 @@ def _has_gravity(one: Dialect, facts: Facts) -> bool:
 def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str = "") -> tuple[int, ...]:
     """Return the columns that match the first usable triple of patterns; () if no triple is usable.
 
-    A triple is usable if each of its three patterns matches exactly one column.
+    A triple is usable if each of its three patterns matches exactly one column. If a pattern matches columns
+    of several sensors, the nearest to `near` counts.
 
-    `near`: text with which the names of the wanted sensor's columns begin. If there are columns of several
-    sensors, those whose names begin most like it are used.
+    `near`: beginning of the names of the wanted sensor's columns.
     """
     for triple in triples:
         places = [[k for k, name in enumerate(names) if re.fullmatch(one, name)] for one in triple]
@@ -215,7 +220,7 @@ def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str
 
 
 def nearest(places: Sequence[int], names: Sequence[str], near: str) -> list[int]:
-    """Return the columns among `places` whose names begin most like `near`."""
+    """Return the columns among `places` whose names have the longest beginning in common with `near`."""
     alike = {place: _shared(names[place], near) for place in places}
     return [place for place in places if alike[place] == max(alike.values())]
 

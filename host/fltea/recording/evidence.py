@@ -52,7 +52,7 @@ PREFERRED_TIMES = (
 """Rules that choose between several columns of times; the first rule that a column satisfies decides."""
 
 _TWO_FIELDS = re.compile(r"(\d+)\+(\d+)")
-"""Matches the positions of two columns: one of whole seconds, and one of nanoseconds."""
+"""Matches a dialect's `time` such as `1+2`: positions of a column of seconds and of one of nanoseconds."""
 
 ENOUGH = 10
 """A column without a number in the first rows is taken as empty if there are at least this many first rows.
@@ -99,7 +99,7 @@ class Choice:
 
     @property
     def by_dialect(self) -> Evidence:
-        """Kind of evidence for what follows from the logger's dialect."""
+        """Kind of evidence: a mere "convention" if other loggers use the dialect's names for other units."""
         return "convention" if self.dialect is not None and self.dialect.convention else "dialect"
 
     def answer(self, question: Question, value: str, evidence: Evidence, why: str) -> None:
@@ -107,7 +107,7 @@ class Choice:
         self.answers.append(Answer(question, value, evidence, why))
 
     def state_units(self) -> None:
-        """Take the units of columns from columns of texts, if such a text is the same unit in every row."""
+        """Take units from columns of texts, such as `gyro_unit`, if all rows of such a column are equal."""
         columns = {
             name: {*self.facts.cells(k)} - {""} for k, name in enumerate(self.names) if states_units(name)
         }
@@ -304,7 +304,7 @@ class Choice:
         return (found[0] if found else None), False
 
     def _is_empty(self, place: int) -> bool:
-        """Return whether a column has no number in any of the first rows, if these are enough to tell."""
+        """Return whether a column has no number in the first rows; False if these are too few to tell."""
         values = self.first_rows()
         least = 1 if self.stated_rates() else ENOUGH
         if values is None or len(values) < least:
@@ -327,9 +327,9 @@ class Choice:
         return rate_hz
 
     def _has_times_beside_columns(self) -> bool:
-        """Return whether the user has to name the axes, and some column may be one of times.
+        """Return whether the user is asked to name the axes, and some column's name may mean times.
 
-        In this case the user is not asked for the rate, since the times may give it.
+        In this case the user is not asked for the rate as well, since these times may give it.
         """
         is_asked = any(one.option.startswith("--columns") for one in self.asked.missing)
         return is_asked and any(is_time(name.rpartition(".")[2]) for name in self.names)
@@ -368,11 +368,11 @@ class Choice:
 
 
 def axes_of(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, int]:
-    """Return the columns of the axes x, y, z by their names; empty if two columns have the same axis.
+    """Return the column of each axis (x, y, z) by the columns' names.
 
-    fltea's own names have priority over the names that other programs use. If no name is that of a gyroscope,
-    columns are used whose names differ only in the axis and whose unit is an angular rate. `units`: unit of
-    each column, if the file has a row of units.
+    If several columns have the same axis, only fltea's own names, such as `gyro_x_dps`, count. The result is
+    empty if this leaves an axis without its one column. If no name is that of a gyroscope's axis,
+    `axes_in_units` finds the columns. `units`: unit of each column, if the file has a row of units.
     """
     places: dict[str, list[int]] = {}
     for place, name in enumerate(names):

@@ -17,12 +17,12 @@ _KIND = re.compile(r"(\w+),\s*(.*)")
 class FlashLines:
     """Converts the lines of a text log of ArduPilot. The number of lines stays the same.
 
-    `columns`: columns that the user names, which decide the kind of rows to keep. None: the first kind that
-    has a gyroscope's axes is kept.
+    The rows of one kind, such as IMU, are kept. `columns`: columns that the user names. A name such as
+    `IMU.GyrX` decides the kind. Without such names, the first kind with a gyroscope's axes is kept.
     """
 
     begins = re.compile(rb"^FMT,[ \t]*\d+,[ \t]*\d+,", re.M)
-    """Matches the beginning of an FMT row, anywhere in a text."""
+    """Matches the beginning of an FMT row, which gives the field names of one kind, anywhere in a text."""
 
     def __init__(self, columns: Sequence[str] | None) -> None:
         self._wanted = {name.partition(".")[0] for name in columns or () if "." in name}
@@ -32,11 +32,11 @@ class FlashLines:
 
     @property
     def holds(self) -> bool:
-        """Whether an FMT row was found."""
+        """Whether an FMT row was found, so that the text is a log of ArduPilot."""
         return bool(self._formats)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:
-        """Return the converted lines. The header replaces the last line before the first row that is kept."""
+        """Return the converted lines. The last line before the first row that is kept becomes the header."""
         found: list[str] = []
         for line in lines:
             format_ = _FORMAT.fullmatch(line.strip().removeprefix("\ufeff"))
@@ -58,7 +58,7 @@ class FlashLines:
         return found
 
     def finish(self) -> list[str]:
-        """Return the last line. It was held back, as the columns' names replace it if a row follows."""
+        """Return the line that `take` holds back, since it becomes the header if the next line is a row."""
         held, self._held = self._held, []
         return held
 

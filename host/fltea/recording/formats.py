@@ -31,8 +31,8 @@ class Format(NamedTuple):
     """A file format that fltea reads.
 
     `title`: name for people. `guide`: description in the guide. `suffixes`: endings of file names.
-    `is_certain`: whether a file whose name has such an ending is read in this format even if it begins with
-    none of `magic`. `corpus`: example files in `tests/recording/corpus`, each with the options that read it.
+    `is_certain`: whether such an ending alone proves the format. If not, as for .bin, the first bytes must
+    prove it. `corpus`: example files in `tests/recording/corpus`, each with the options that read it.
     `magic`: possible first bytes, which no other format has. `no_magic`: if there are none, why; such a file
     is only recognised by its name or its content. `member`: file in an archive (.zip) that shows
     this format. `opener`: function that reads the file in this process, as MODULE:FUNCTION. `reader`:

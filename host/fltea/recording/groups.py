@@ -57,10 +57,10 @@ def tells_gyroscope(group: str) -> bool:
 
 
 def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
-    """Return the groups, other than those in `of`, that hold a sensor and a column of times of their own.
+    """Return the groups outside `of` that hold a sensor and have their own column of times.
 
-    The rows of such a group cannot be matched with the rows of the groups in `of`. The result is empty if the
-    groups in `of` have no times.
+    Such a sensor was sampled at other times than the sensors in the groups `of`, so its rows do not belong to
+    theirs. The result is empty if there are no times for the groups in `of`.
     """
     times = {group_of(name) for name in names if is_time(name.rpartition(".")[2])}
     if not times & {*of, ""}:
@@ -77,12 +77,11 @@ def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
 def short_names(
     names: Sequence[str], of: Sequence[str], fixed: Mapping[int, str], keep: Sequence[int]
 ) -> dict[int, str]:
-    """Return short names of columns, by column index.
+    """Return names of columns without the names of their groups, by column index.
 
-    A short name lacks the name of the innermost of the groups `of` that contains the column.
-
-    `fixed`: names that stay unchanged. `keep`: columns that get short names. If several columns would get the
-    same short name, only the column in the innermost group gets it.
+    `of`: groups whose names are left out, the innermost first: with `imu`, `imu.gx` becomes `gx`. `fixed`:
+    names to use for certain columns instead. `keep`: the columns wanted. If several columns would get the
+    same name, the result has only the column in the innermost group.
     """
     found: dict[int, tuple[int, str]] = {}
     nearest = dict.fromkeys(fixed.values(), -1)

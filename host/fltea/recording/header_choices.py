@@ -23,8 +23,8 @@ class Choices:
     def of(self, header: Hashable, choose: Callable[[], Chosen], *, had_rows: bool = True) -> Chosen:
         """Return the columns for a header. They are chosen only when the header appears for the first time.
 
-        `had_rows`: whether rows were read before. The limit on different headers applies only if there were
-        rows. `choose`: function that chooses the columns.
+        `had_rows`: whether rows were read before. Until then, any number of headers is accepted. `choose`:
+        function that chooses the columns.
 
         Raises:
             UsageError: the columns cannot be chosen, or there are too many different headers.

@@ -35,10 +35,10 @@ class _One(NamedTuple):
 class LabelLines:
     """Joins the lines of each sample.
 
-    The last line of a sample gets all numbers of the sample, and its other lines become empty. A sample ends
-    before a line whose label the sample already has, or whose label comes earlier in the order of labels in
-    the first sample. In lines with Teleplot's mark `>`, a time in ms may stand before the number:
-    `>gx:1000:1.2`.
+    The last line of a sample gets all numbers of the sample, and its other lines become empty. The first
+    sample gives the order of the labels, such as gx, gy, gz. Later samples end where a label does not come
+    after the one before it in this order. So if gz is lost after gy, the next gx begins a new sample. In
+    lines with Teleplot's mark `>`, a time in ms may stand before the number: `>gx:1000:1.2`.
     """
 
     begins = re.compile(rb"^[ \t>]*[^\W\d][^:=\n]{0,80}[:=]", re.M)
@@ -51,11 +51,14 @@ class LabelLines:
 
     @property
     def holds(self) -> bool:
-        """Whether the lines of a sample, each with one number, are joined, or may have to be."""
+        """Whether lines are joined, or are held back until it is known whether to join them."""
         return self._is_on or bool(self._held)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:
-        """Return the lines that are complete. `is_known`: the text's form is known, so none is held back."""
+        """Return the lines of complete samples, and hold back the lines of an incomplete sample.
+
+        `is_known`: whether the columns are known. If they are, and lines are not joined yet, none will be.
+        """
         if is_known and not self._is_on:
             return [*self.finish(), *lines]
         found: list[str] = []
@@ -109,9 +112,10 @@ class LabelLines:
 
 
 def _begins_at(labels: list[str]) -> int:
-    """Return the index of the label with which a sample begins, since a text may begin within a sample.
+    """Return the index of the label with which each sample begins, since a text may begin within a sample.
 
-    In the order of labels from this index on, the axes come as x, y, z.
+    A sample begins where the axes follow as x, y, z. In the labels gz, gx, gy, for instance, it begins at gx.
+    If there is no such place, it begins at the first label.
 
     `labels`: labels in order, until they repeat.
     """
@@ -132,7 +136,7 @@ def _one(line: str) -> _One:
 
 
 def _joined(held: list[_One]) -> list[str]:
-    """Return the lines of a sample, with all its numbers in the last line that has a label."""
+    """Return the lines of a sample. Its last labelled line gets all numbers, other labelled lines none."""
     texts = [one.text for one in held if one.label]
     last = max((k for k, one in enumerate(held) if one.label), default=-1)
     return [", ".join(texts) if k == last else "" if one.label else one.line for k, one in enumerate(held)]

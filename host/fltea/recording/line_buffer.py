@@ -34,7 +34,7 @@ class LineBuffer:
 
     @property
     def is_cut(self) -> bool:
-        """Whether the text consists of YAML documents, and the last document was truncated and left out."""
+        """Whether the last document of a text in YAML was truncated and left out; False for other texts."""
         return self._decoder.is_cut
 
     def resume(self, *, within_line: bool) -> None:

@@ -23,8 +23,8 @@ class Bad(NamedTuple):
 class BadLines:
     """Counts of the lines of a text that hold no sample.
 
-    `counts`: number of such lines for each reason in `text_numbers.REASONS`. The last three reasons are not
-    for lines. `first`, `newest`: the first and the newest such line.
+    `counts`: number of such lines for each reason in `text_numbers.REASONS`, without the last three. These
+    are for rows of numbers, which `table` counts. `first`, `newest`: the first and the newest such line.
     """
 
     def __init__(self) -> None:
@@ -52,7 +52,10 @@ class BadLines:
 
 
 class RowNumbers:
-    """Numbers the samples, and finds where the sender restarted: it repeats its header after a restart."""
+    """Numbers the samples, and finds restarts of the sender.
+
+    After a restart, the sender sends its header (the names of the columns) again.
+    """
 
     def __init__(self) -> None:
         self._ordinal = self._since_header = self._page = 0
@@ -67,9 +70,10 @@ class RowNumbers:
         self._ordinal += 1
 
     def repeat_header(self, rows: int) -> None:
-        """Note that the sender has repeated its header, which names the columns.
+        """Note that the sender has repeated its header, and find out whether it restarted.
 
-        The sender has then restarted, unless it always repeats the header after a fixed number of rows.
+        Some senders repeat the header regularly, after a fixed number of rows. Then the number of rows since
+        the last header is as before, or equal to `rows`. If it is neither, the sender restarted.
         `rows`: number of rows from here until the header comes once more, -1 if unknown.
         """
         self._begins |= self._since_header not in (self._page, rows)

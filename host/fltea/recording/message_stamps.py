@@ -1,8 +1,9 @@
 """Measures sampling rate and lost samples by the time stamps of messages, and how reliable the stamps are.
 
-A driver stamps samples with the sensor's clock or with its computer's clock. The computer's stamps may be
-milliseconds late. In both cases the sensor samples evenly. So messages are numbered in the order of arrival,
-and a sample counts as lost only where the stamps become late and stay late.
+A driver stamps samples with the sensor's clock or with its computer's clock. The sensor samples evenly, but
+the computer's stamps may be milliseconds late. So one late stamp does not mean a lost sample: the next stamps
+may be in time again. If a sample was lost, all later stamps are a period later than without the loss. Only
+then it counts as lost. Messages are numbered in the order of arrival.
 """
 
 from typing import NamedTuple
@@ -23,8 +24,8 @@ LATE = 1.5
 """Steps longer than this many periods are examined as gaps."""
 
 ALIKE = 0.1
-"""If a step is shorter than this many periods, its second stamp is taken as a repetition of the first. Such a
-stamp may be too early.
+"""If a stamp follows the previous one in less than this many periods, it is taken as a repetition. A repeated
+stamp may be earlier than its sample, so no gap is measured from it.
 """
 
 SET_BACK = 10
@@ -49,8 +50,8 @@ LEAST_IN_BATCHES = 3
 """Smallest number of lost samples that can be detected if samples come in batches."""
 
 SURE = 100
-"""If at most this many samples are lost in a gap, their number is certain although the period is not known
-exactly.
+"""The number of samples lost in a gap is the gap's length divided by the period. Up to this number, it is
+certain even if the period is only nearly right. So such gaps are used to measure the period.
 """
 
 MANY = 1 << 20
@@ -59,20 +60,21 @@ evenly spaced ones are used.
 """
 
 WILD_NS = 60_000_000_000
-"""A step of the arrival times may differ from the step that the sequence numbers give by at most this [ns].
+"""Arrival times are not used if a step between two of them is wrong by more than this [ns].
 
-If the difference is larger, the arrival times are not used.
+The right step is the difference of the two sequence numbers, times the sampling period.
 """
 
 
 class Stamps(NamedTuple):
     """What the time stamps of n samples show.
 
-    `period_ns`: sampling period [ns]. `gap_row`, `missing`: rows before which samples were lost, and the
-    number of samples lost before each. `epoch_row`: rows before which the clock was set, so that the number
-    of lost samples there is unknown. `uneven`: number of steps that deviate by over a fifth of the period.
-    `alike`: number of steps of 0. `backward`: number of steps backwards. `spread_ns`: root mean square
-    deviation of the steps without gaps from the period [ns].
+    `period_ns`: sampling period [ns].
+    `gap_row`: rows before which samples were lost. `missing`: number of samples lost before each of them.
+    `epoch_row`: rows before which the clock was set. The number of samples lost there is unknown.
+    `uneven`: number of steps between stamps that differ from the period by over a fifth of it.
+    `alike`: number of stamps that equal the previous one. `backward`: number of steps backwards.
+    `spread_ns`: root mean square deviation of the steps from the period, without gaps [ns].
     """
 
     period_ns: float
@@ -85,7 +87,7 @@ class Stamps(NamedTuple):
     spread_ns: float
 
     def sequence(self, begin: int, end: int) -> Times:
-        """Return the sequence numbers of the rows from `begin` to `end`, which skip those of lost samples."""
+        """Return the sequence numbers of the rows from `begin` to `end`. A lost sample has a number, too."""
         lost = np.concatenate([[0], np.cumsum(self.missing)])
         rows = np.arange(begin, end)
         return np.asarray(rows + lost[np.searchsorted(self.gap_row, rows, "right")])
@@ -135,12 +137,12 @@ def judge(times_ns: Times, arrival_ns: Times | None) -> Stamps:
 
 
 def is_uneven(stamps: Stamps, samples: int) -> bool:
-    """Return whether the steps between stamps are less even than those of a sensor's clock."""
+    """Return whether too many steps between stamps differ from the period for a sensor's clock."""
     return stamps.uneven > (1 - EVEN_SHARE) * max(samples - 1, 1)
 
 
 def is_arrival(arrival_ns: Times, sequence: Times, period_ns: float) -> bool:
-    """Return whether arrival times are plausible for samples with these sequence numbers and this period."""
+    """Return whether arrival times advance about as sequence numbers times the period do (see WILD_NS)."""
     off = np.abs(np.diff(arrival_ns) - np.diff(sequence) * period_ns)
     return bool(len(off) == 0 or off.max() <= WILD_NS)
 
@@ -148,8 +150,8 @@ def is_arrival(arrival_ns: Times, sequence: Times, period_ns: float) -> bool:
 def _first_guess(times_ns: Times, steps: Times) -> tuple[float, bool]:
     """Return a first value of the period, and whether samples come in batches.
 
-    The period is the usual step between stamps. If samples come in batches, it is the mean step, slightly
-    increased.
+    The period is the median step between stamps. In batches, most steps are too short, so the mean step is
+    used. It is slightly increased, so that pauses between batches do not count as gaps.
     """
     thin = steps[:: -(-len(steps) // MANY)]
     typical = float(np.median(thin))
@@ -163,7 +165,10 @@ def _first_guess(times_ns: Times, steps: Times) -> tuple[float, bool]:
 
 
 def _clock_was_set(steps: Times, arrival_ns: Times | None, period_ns: float) -> Times:
-    """Return the rows before which the clock was set: back, or forward where arrival times show no gap."""
+    """Return the rows before which the clock was set back or forward.
+
+    It was set forward where the stamps jump and the arrival times do not.
+    """
     was_set = steps < -SET_BACK * period_ns
     if arrival_ns is not None:
         arrivals = np.diff(arrival_ns)
@@ -177,9 +182,9 @@ def _gaps(
 ) -> tuple[Times, Times]:
     """Return the rows before which samples were lost, and the number of samples lost before each.
 
-    Stamps may be late. So the true length of a gap is found from the two samples, one before the gap and one
-    after it, that are least late. A stamp that repeats the previous stamp is ignored, except in batches,
-    where most stamps repeat.
+    Stamps may be late by different times, which changes the length of a gap. So the length is measured from
+    the least late stamp shortly before the gap to the least late one shortly after it. Stamps that repeat the
+    previous stamp are not used for this, except in batches, where most stamps repeat.
     """
     rows, missing = [], []
     of_epochs = [0, *epoch_row.tolist(), len(times_ns)]
@@ -209,9 +214,10 @@ def _gaps(
 
 
 def _refined(times_ns: Times, gap_row: Times, missing: Times, epoch_row: Times, period_ns: float) -> float:
-    """Return the sampling period [ns], as the mean step over all stretches without a long gap.
+    """Return the sampling period [ns]: the duration of all stretches, divided by their number of periods.
 
-    A step over lost samples counts as one step for each of them and one more.
+    Stretches end at gaps of more than SURE samples, and where the clock was set. A shorter gap of n lost
+    samples counts as n + 1 periods.
     """
     sure = missing <= SURE
     breaks = np.union1d(gap_row[~sure], epoch_row)

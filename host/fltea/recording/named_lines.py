@@ -19,8 +19,8 @@ class NamedLines:
     """Chooses the columns to read in lines that name their numbers.
 
     `where`: file, for messages. `sample`: function that returns the lines read so far. `facts`: function that
-    returns what is known of the file.
-    `are_names`: function that returns whether names, with their units, are those of the wanted columns.
+    takes the names in a line, and returns what else the file states. `are_names`: function that takes names
+    and their units, and returns whether the wanted columns are among them.
     `why_not`: reason why the columns of a line cannot be read, "" if there is none.
     """
 
@@ -54,7 +54,7 @@ class NamedLines:
         return None
 
     def of_labels(self, number: int, line: str) -> Chosen | None:
-        """Return the columns to read, if a line's labels are the wanted names; else None."""
+        """Return the columns to read, if a line such as `gx:1.2,gy:0.3` has the wanted names; else None."""
         found = labelled(line)
         if found is None:
             return None
@@ -76,9 +76,9 @@ class NamedLines:
         return choose(at, names, units, len(names), self._how, facts)
 
     def _are_meant(self, names: Sequence[str], units: Sequence[str]) -> bool:
-        """Return whether a line with these names has the wanted columns.
+        """Return whether the wanted columns are among these names of a line.
 
-        If the user gives columns by position, the positions are those in the most common kind of line.
+        If the user gives positions, they count only in lines that have the most common names.
         """
         if not self._wanted.by_position or self._wanted.is_in(names):
             return self._are_names(names, units)

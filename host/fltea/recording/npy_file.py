@@ -22,8 +22,9 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored:
     """Read an array of shape (n,) or (n, columns), or of shape (n,) with named fields.
 
-    Unless the user names the axes, all columns other than the times are the axes, if there are at most three.
-    If there are more, `how.columns` must name the axes by their positions from 1.
+    Named fields are columns. Columns without names are named by their positions from 1. If these are at most
+    three without the times, they are the axes; the user may name others. If there are more, `how.columns`
+    must name the axes.
 
     Raises:
         UsageError: the file holds no such array, the unit is unknown, or `open_sheet` refuses the columns.

@@ -37,11 +37,12 @@ NPZ_ARRAYS = ("gyro_raw", "gyro_dps", "fs_hz", "lsb_per_dps", "accel_lsb_per_g",
 
 
 def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
-    """Open and check a recording that has `fs_hz`, and either `gyro_dps` or `gyro_raw` with `lsb_per_dps`.
+    """Open and check a recording of arrays with the names that `fltea export` writes.
 
-    The following arrays are optional: `t_host_s`; `accel_raw` with `accel_lsb_per_g`; or `accel_ms2`. A
-    recording with gaps also has `time_s` (times by the device's clock), `seq` and `epoch`, as `fltea export`
-    writes them.
+    Necessary are `fs_hz` (sampling rate), and either `gyro_dps`, or `gyro_raw` with `lsb_per_dps`. Optional
+    are `t_host_s` (arrival times), and accelerations: either `accel_ms2`, or `accel_raw` with
+    `accel_lsb_per_g`. A recording with gaps also has `time_s` (times by the device's clock), `seq` and
+    `epoch`.
 
     Raises:
         UsageError: the file is not such a recording, holds numbers that are not finite, or exceeds the
@@ -158,7 +159,8 @@ class _Check:
         epoch = np.zeros(len(host_s)) if block.epoch is None else block.epoch
         lost = np.where(np.diff(epoch, prepend=self._epoch) == 0, np.diff(seq, prepend=self._seq) - 1, 0)
         took = np.diff(block.device_s, prepend=self._last[0]) * block.rate_hz - 1
-        # The elapsed time may be one period too short: stamps of messages are wrong by up to one period.
+        # The times must leave room for half of the samples that `seq` skips, less one: stamps of messages are
+        # wrong by up to one period.
         lacks = (lost > 0) & (took < lost / 2 - 1)
         self._seq, self._epoch = float(seq[-1]) if block.seq is not None else -1.0, float(epoch[-1])
         beyond = np.abs(block.gyro).max(axis=1) > LARGEST_DPS * (block.lsb_per_dps or 1.0)

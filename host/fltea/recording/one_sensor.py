@@ -18,8 +18,8 @@ counter.
 """
 
 MOST_IN_TURN, FEWEST_ROWS = 16, 25
-"""MOST_IN_TURN: largest number of sensors that are recognised by alternating values in a column alone.
-FEWEST_ROWS: least number of rows that is enough for this recognition.
+"""A column whose name does not say so may still distinguish sensors, if its values alternate. It must have at
+most MOST_IN_TURN different values, in at least FEWEST_ROWS rows.
 """
 
 LONGEST_TURN, REGULAR, SELDOM = 32, 0.9, 0.7
@@ -31,14 +31,14 @@ status.
 """
 
 CHANCE_SIGMA, APART = 5.0, 5.0
-"""Thresholds in standard deviations. CHANCE_SIGMA: how far the regularity of a cycle has to exceed chance.
-APART: how far the mean numbers of two sensors have to differ, as a multiple of the sum of their standard
-deviations.
+"""Thresholds in standard deviations. CHANCE_SIGMA: in a cycle, more rows have the same value as the row one
+cycle before than by chance. Their fraction must exceed that of chance by this many standard deviations.
+APART: the mean numbers of two sensors must differ by this many times the sum of their standard deviations.
 """
 
 FEWEST_SHARE, FEWEST_COUNTED = 0.6, 5
-"""FEWEST_SHARE: each sensor must have at least this fraction of the rows that it would have if all sensors
-had equally many rows. FEWEST_COUNTED: the cycle of a counter must have at least this many numbers.
+"""FEWEST_SHARE: if k sensors alternate, each has about 1/k of the rows. It must have at least this fraction
+of 1/k. FEWEST_COUNTED: whole numbers that rise in a cycle are a counter if the cycle has at least this many.
 """
 
 
@@ -154,7 +154,12 @@ def _is_regular(codes: Ints, counts: Counter[str]) -> bool:
 
 
 def _is_once_a_time(codes: Ints, times: Floats) -> bool:
-    """Return whether many rows share their time with others, and no value occurs twice at the same time."""
+    """Return whether many rows have equal times, and the rows of one time all have different values.
+
+    Several sensors that are sampled together give such rows.
+
+    `codes`: number of each row's value in the column, equal for equal values.
+    """
     known = np.isfinite(times)
     alone = len(np.unique(times[known]))
     together = len({*zip(times[known].tolist(), codes[known].tolist(), strict=True)})
@@ -171,9 +176,11 @@ def _begins_again(codes: Ints, times: Floats) -> bool:
 
 
 def _are_of_two_kinds(codes: Ints, values: Floats) -> bool:
-    """Return whether rows with different values in the column also differ in their numbers.
+    """Return whether the numbers in rows of one value differ clearly from those in rows of any other value.
 
-    The value has to change often, too.
+    The value also has to change often: the value of a status changes seldom.
+
+    `codes`: number of each row's value in the column, equal for equal values.
     """
     if (codes[1:] == codes[:-1]).mean() > REGULAR or len(values) != len(codes):
         return False

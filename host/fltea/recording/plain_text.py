@@ -10,7 +10,9 @@ from fltea.recording.text_times import A_CLOCK, Clocks
 
 
 class PlainText:
-    """Rewrites the lines of one text. It may hold lines back until the rest of a sample has come.
+    """Rewrites the lines of one text as plain rows, JSON objects or labelled lines.
+
+    Lines may be held back until the rest of their sample has come.
 
     `columns`: columns that the user names.
     """

@@ -30,7 +30,7 @@ class Plausible:
         """Add the next samples."""
         self.rows += len(gyro)
         size, most = np.abs(gyro), MOST_DPS * (self._chosen.unit.lsb or 1.0)
-        if size.max() > most:  # this is tested first, since the sum over rows is slow
+        if size.max() > most:  # seldom true, so that the slow sum over rows is seldom needed
             self._large += (size > most).sum(axis=0)
         if self._rises.any():
             steps = np.diff(gyro, axis=0, prepend=gyro[:1] - 1.0 if self._last is None else self._last)

@@ -70,7 +70,7 @@ class ProcessLimits(msgspec.Struct, frozen=True):
         """Apply the limits to this process, and let it end when its parent ends."""
         if sys.platform == "linux":
             ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        # the parent process ended before the call of prctl, so no signal will come
+        # if the parent process ended before the call of prctl, the requested signal will not come
         if os.getppid() != self.parent:
             os._exit(1)
         # the parent process may have ignored or blocked these signals

@@ -136,7 +136,7 @@ def _process(
 
 
 def _pipe() -> tuple[BinaryIO, BinaryIO]:
-    """Open a pipe with descriptors above 2, so that a child's standard streams do not replace them."""
+    """Open a pipe with descriptors above 2, since a child's stdin, stdout and stderr take 0 to 2."""
     ends = os.pipe()
     read, write = (fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 3) for end in ends)
     for end in ends:

@@ -97,7 +97,7 @@ class _Log:
         return self._bytes[end if end == whole_bytes <= len(self._bytes) else 0 :].tobytes()
 
     def losses(self) -> list[Note]:
-        """Return warnings about the bytes that belong to no whole message, without the log's path."""
+        """Return warnings about bytes that belong to no whole message. The caller adds the path in front."""
         found = []
         if self._holes:
             places = f"{self._holes} places, the first" if self._holes > 1 else "one place,"
@@ -136,7 +136,10 @@ class _Log:
         return whole
 
     def sensors(self, message: str) -> dict[int, Any]:
-        """Return the messages with a given name of each sensor, by the sensor's number."""
+        """Return, for each sensor's number, all messages of that sensor with the name `message`.
+
+        For the raw batches ISB, these are their heads (ISBH).
+        """
         if message == "ISB":
             heads = self.rows("ISBH")
             heads = heads[heads["type"] == OF_GYROSCOPE] if len(heads) else heads

@@ -62,10 +62,11 @@ def of_arrays(
     attributes: Mapping[str, Any] = NONE,
     doubts: Mapping[str, str] = NONE,
 ) -> Sheet:
-    """Return a table of arrays (n,) or (n, columns), which are given by name, and of other facts in the file.
+    """Return a table of arrays (n,) or (n, columns), which are given by name.
 
-    `units`, `doubts`: units of the arrays, and reasons why their numbers may be wrong. `attributes`:
-    attributes of the arrays, with names such as `gyro@units`.
+    An array may also be a fact, such as a unit or the sampling rate. `units`: units of arrays, by name.
+    `doubts`: reasons why the numbers of arrays may be wrong, by name. `attributes`: further facts, such as
+    `gyro@units`, an attribute of the array `gyro`.
 
     Raises:
         UsageError: no array holds numbers.
@@ -221,7 +222,10 @@ def _reason(array: Any) -> str:
 
 
 def axes_named(name: str) -> list[str]:
-    """Return the columns that an array's name promises: gyroscope axes, or one that distinguishes sensors."""
+    """Return the columns of interest that an array should have by its name; empty if there are none.
+
+    These are gyroscope axes, a column that distinguishes sensors, or a column of units.
+    """
     if tells_sensors(name) or states_units(name):
         return [name]
     return [label for label in (name, *(named_axis(name, k) for k in range(3))) if gyroscopes_in([label])][:3]

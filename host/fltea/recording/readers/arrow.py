@@ -47,12 +47,11 @@ def read(path: Path, _: str) -> Sheet:
 class _Column(NamedTuple):
     """A column of the table.
 
-    `source`: column of the file that contains it. `kind`: Arrow type of its values, or of the elements if
-    they are lists.
-
-    `place`, `of`: if the values of `source` are lists, they have `of` elements, and this column is the
-    element with the index `place`. If they are no lists, `place` is None. `is_date`: whether the texts are
-    dates or times of day. `words`: the different texts, if there are few and they distinguish sensors.
+    `source`: the file's column from which the values come. The values in it may be lists: then this column
+    is one element of each list.
+    `place`: index of this element; None if the values are no lists. `of`: number of elements of a list.
+    `kind`: Arrow type of the values, or of the elements. `is_date`: whether they are texts of dates or times
+    of day. `words`: the different texts, if they are so few that they may distinguish sensors.
     """
 
     label: str
@@ -118,7 +117,7 @@ class _Reader:
         self._last_s = self._passed_s = 0.0
 
     def read(self, table: Any) -> Floats:
-        """Return the column's numbers in a batch. Times become seconds; words, their index in `words`."""
+        """Return the column's numbers in a batch: seconds for times, and for a word its index in `words`."""
         import pyarrow as pa
         from pyarrow import compute
 
@@ -153,7 +152,7 @@ class _Reader:
             self._begin = int(known[0].astype(np.int64))
         seconds = (points - np.datetime64(self._begin or 0, "ns")) / np.timedelta64(1, "s") + self._passed_s
         first, last = (seconds[np.isfinite(seconds)][[0, -1]]) if len(known) else (self._last_s, self._last_s)
-        if first < self._last_s - DAY_S / 2:  # in this case midnight fell between two batches
+        if first < self._last_s - DAY_S / 2:  # the time of day fell: midnight is between two batches
             self._passed_s += DAY_S
             seconds, last = seconds + DAY_S, last + DAY_S
         self._last_s = float(last)

@@ -91,10 +91,9 @@ class _Part:
 
 
 def _axis(group: str, name: str, unit: str) -> str:
-    """Return a column's name.
+    """Return a column's name, so that it shows by itself whether the column is a gyroscope's axis.
 
-    If only the column's unit or the sheet's name shows that the column is an axis of a gyroscope, the unit or
-    the sheet's name is added to the name.
+    If need be, the unit or the name of the sheet is added: `x [deg/s]` or `Gyroscope x`.
     """
     forms = name, f"{name} [{unit}]", f"{group} {name}"
     return next((form for form in forms if axis_of(form)), name) if name else name

@@ -108,15 +108,12 @@ def rates_of(facts: Mapping[str, Any]) -> dict[str, float]:
 
 
 def units_of(facts: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Return the units that the file states.
+    """Return the units that the file states for arrays and for groups of arrays.
 
-    The key of a unit is the name of the array with this unit. If the unit applies to a group of arrays, the
-    key is the name of the group, followed by a dot.
+    The key is the name of the array, or the name of the group followed by a dot. The value is a list of one
+    unit, or of one unit for each column.
 
-    An array has one unit, or one unit for each of its columns.
-
-    If the file states no unit, but does state the number N of counts in 1 deg/s, the unit `lsb:N` is
-    returned.
+    A file may state no unit, but the number of counts in 1 deg/s, such as 131. The unit is then `lsb:131`.
     """
     found = {owner: texts for name, owner in _owners(facts, UNITS) if any(texts := texts_of(facts[name]))}
     for name, owner in _owners(facts, COUNTS):
@@ -141,9 +138,9 @@ def unit_of(units: Mapping[str, list[str]], label: str, array: str, place: int, 
 
 
 def _of_sensor(units: Mapping[str, list[str]], label: str) -> Iterator[str]:
-    """Yield keys of `units` under which the groups around a column state a unit for its sensor.
+    """Yield the keys of `units` that apply to the sensor of a column, in the groups around the column.
 
-    For example, `gyro_units` in the group of `gx` applies to `gx`.
+    For example, the fact `gyro_units` applies to the column `gx` in the same group: its key is `gyro`.
     """
     axis = axis_of if gyroscopes_in([label]) else accel_axis_of if is_of_accelerometer(label) else None
     is_clock = axis is None and is_time(label.rpartition(".")[2])
@@ -156,10 +153,7 @@ def _of_sensor(units: Mapping[str, list[str]], label: str) -> Iterator[str]:
 
 
 class Near:
-    """Facts of one kind, such as names of columns.
-
-    Each fact is found by the array or group that it describes.
-    """
+    """Facts of one kind, such as names of columns, stored by the array or group that they describe."""
 
     def __init__(self, facts: Mapping[str, Any], words: str) -> None:
         self._found = defaultdict[str, dict[str, Any]](dict)
@@ -201,13 +195,13 @@ def is_of_columns(name: str) -> bool:
 def scale_of(
     facts: Mapping[str, Any], array: str, labels: Sequence[str], unit: str, *, is_whole: bool
 ) -> str:
-    """Return the fact by which an array's numbers may have to be scaled or shifted.
+    """Return a scale or an offset that may have to be applied to an array's numbers.
 
-    The fact is returned as a text such as `gyro_scale 0.0153`, which is empty if there is no such fact.
+    It is returned as a text such as `gyro_scale 0.0153`. The text is empty if the file states none.
 
-    `labels`: columns of the array; a scale with a gyroscope's name applies to every array of a gyroscope.
-    `unit`: unit of the columns. `is_whole`: whether the columns hold whole numbers. Only then a fact called
-    resolution counts as a scale.
+    `labels`: names of the array's columns. If they are a gyroscope's, a scale such as `gyro_scale` applies.
+    `unit`: unit of the columns. `is_whole`: whether the columns hold whole numbers. If they do not, a fact
+    called resolution is no scale.
     """
     group, _, leaf = array.rpartition(".")
     is_of_gyro = any(axis_of(label.rpartition(".")[2]) for label in labels)
@@ -229,9 +223,9 @@ def scale_of(
 
 
 def _owners(facts: Mapping[str, Any], words: str) -> Iterator[tuple[str, str]]:
-    """Yield the facts whose names match `words`. Each fact comes with the name of what the fact describes.
+    """Yield each fact whose name matches `words`, and the name of the array or group that it describes.
 
-    A fact describes an array, or a group of arrays. The name of a group is followed by a dot.
+    The name of a group ends with a dot.
     """
     for name in facts:
         array, mark, key = name.rpartition("@")

@@ -111,8 +111,8 @@ def outside(item: Any) -> str:
 def _opened(path: Path) -> Any:
     """Open a file.
 
-    HDF5 2.0 asks for the file's real path. Decompressed content is in a file that has none, so h5py reads it
-    through Python.
+    HDF5 2.0 opens a file by its real path. Decompressed content has no path, since it is in a file without a
+    name. So Python opens it, and h5py reads it through Python's file object.
     """
     import h5py
 

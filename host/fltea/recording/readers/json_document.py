@@ -47,7 +47,7 @@ def of_document(document: Any) -> Sheet:
     """Return a table of all lists of numbers or words in a decoded document, by the names they have there.
 
     Raises:
-        UsageError: the document holds no columns of numbers, or two different ones of the same name.
+        UsageError: the document holds no column of numbers, or two different columns with the same name.
     """
     found: dict[str, Any] = {}
     for name, value in _values("", document):

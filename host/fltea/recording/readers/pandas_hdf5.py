@@ -75,7 +75,7 @@ def _of_rows(group: Any, table: Any) -> Iterator[tuple[str, BlockColumn]]:
 
 
 def _of_index(data: Any, field: str | None, kind: str, name: str) -> Iterator[tuple[str, BlockColumn]]:
-    name = "" if name == "N." else name  # "N." is what pickling None gives
+    name = "" if name == "N." else name  # an index without a name has None as its name, pickled as "N."
     if name or kind.startswith("datetime64"):
         yield name or "time", BlockColumn(data, field, None, kind)
 
@@ -91,8 +91,7 @@ def _decoded(value: Any) -> str:
 def _strings(pickled: bytes) -> list[str]:
     """Return the texts in a pickle of pandas without loading it, since loading may run any program.
 
-    `pickled`: the pickle. It is empty if the file lacks the attribute that would hold it, and then no texts
-    are returned.
+    `pickled`: the pickle, or empty if the file has none. Then no texts are returned.
 
     Raises:
         ValueError: the pickle is damaged.

@@ -75,10 +75,10 @@ def read(path: Path, topic: str) -> Sheet:
 
 
 def _by_instance(log: Any, name: str) -> dict[str, Mapping[str, Any]]:
-    """Return the columns of each instance of a topic, by the number of the instance.
+    """Return the columns of each instance of a topic (each sensor that publishes it), by instance number.
 
-    A log may declare an instance again under another message number. PX4's library then has a data set for
-    each number; here they are one, in the order of their time stamps.
+    A log may split the messages of an instance into several series. PX4's library returns each series by
+    itself. Here they are joined, in the order of their time stamps.
     """
     parts: dict[str, list[Mapping[str, Any]]] = {}
     for one in log.data_list:
