@@ -294,10 +294,11 @@ def axis_of(name: str, unit: str = "") -> str | None:
 
 
 def axes_in_units(names: Sequence[str], units: Sequence[str]) -> dict[str, int]:
-    """Return the columns of three axes whose names differ only in the axis and whose unit is an angular rate.
+    """Return the columns of the axes x, y and z, recognised by their units.
 
-    `units`: unit of each column, if the file has a row of units. The result is empty if several such triples
-    exist.
+    The unit of all three is an angular rate, and their names differ only in the axis: `turn_x`, `turn_y`,
+    `turn_z`. The result is empty if several such triples exist. `units`: unit of each column, if the file
+    has a row of units.
     """
     found: dict[tuple[str, ...], list[tuple[str, int]]] = {}
     for place, name in enumerate(names):

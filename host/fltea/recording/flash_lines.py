@@ -36,7 +36,7 @@ class FlashLines:
         return bool(self._formats)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:
-        """Return the converted lines. The last line before the first row that is kept becomes the header."""
+        """Return the converted lines. The line before the first row kept becomes a line of column names."""
         found: list[str] = []
         for line in lines:
             format_ = _FORMAT.fullmatch(line.strip().removeprefix("\ufeff"))
@@ -58,7 +58,7 @@ class FlashLines:
         return found
 
     def finish(self) -> list[str]:
-        """Return the line that `take` holds back, since it becomes the header if the next line is a row."""
+        """Return the line that `take` holds back: if the first row follows, column names replace it."""
         held, self._held = self._held, []
         return held
 

@@ -95,7 +95,10 @@ def short_names(
 
 
 def inner_names(name: str) -> Iterator[tuple[str, str]]:
-    """Yield the groups around a column, the innermost first, each with the rest of the column's name."""
+    """Yield the groups around a column, the innermost first, each with the rest of the column's name.
+
+    For `a.b.x`, these are `a.b` with `x`, then `a` with `b.x`, then "" with `a.b.x`.
+    """
     parts = name.split(".") if len(name) < LONGEST_NAME else [name]
     for first in range(len(parts) - 1, max(-1, len(parts) - 1 - DEEPEST), -1):
         yield ".".join(parts[:first]), ".".join(parts[first:])

@@ -87,7 +87,7 @@ class Stamps(NamedTuple):
     spread_ns: float
 
     def sequence(self, begin: int, end: int) -> Times:
-        """Return the sequence numbers of the rows from `begin` to `end`. A lost sample has a number, too."""
+        """Return the sequence numbers of the rows from `begin` to `end`, without those of lost samples."""
         lost = np.concatenate([[0], np.cumsum(self.missing)])
         rows = np.arange(begin, end)
         return np.asarray(rows + lost[np.searchsorted(self.gap_row, rows, "right")])

@@ -79,7 +79,6 @@ class NpzArrays:
         return self._headers[name].shape
 
     def whole(self, name: str) -> NDArray[Any]:
-        """Return the whole array `name`."""
         return self._arrays[name]
 
     def rows(self, names: Sequence[str], at_once: int) -> Iterator[dict[str, NDArray[Any]]]:

@@ -37,8 +37,9 @@ APART: the mean numbers of two sensors must differ by this many times the sum of
 """
 
 FEWEST_SHARE, FEWEST_COUNTED = 0.6, 5
-"""FEWEST_SHARE: if k sensors alternate, each has about 1/k of the rows. It must have at least this fraction
-of 1/k. FEWEST_COUNTED: whole numbers that rise in a cycle are a counter if the cycle has at least this many.
+"""FEWEST_SHARE: if k sensors alternate, each has about 1/k of the rows. Each must have at least this
+fraction of 1/k. FEWEST_COUNTED: whole numbers that rise in a cycle are a counter if the cycle has at
+least this many.
 """
 
 

@@ -27,7 +27,6 @@ class Plausible:
         self._last: Floats | None = None
 
     def add(self, gyro: Floats) -> None:
-        """Add the next samples."""
         self.rows += len(gyro)
         size, most = np.abs(gyro), MOST_DPS * (self._chosen.unit.lsb or 1.0)
         if size.max() > most:  # seldom true, so that the slow sum over rows is seldom needed

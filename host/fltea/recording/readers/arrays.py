@@ -125,7 +125,6 @@ class _Columns:
         self._words: dict[str, list[str]] = {}
 
     def add(self, name: str, array: Any) -> None:
-        """Add the columns of an array."""
         is_of_words = tells_sensors(name) or (states_units(name) and name not in self._facts)
         if is_of_words and (words := _words(array)) is not None:
             array, self._words[name] = words

@@ -21,7 +21,7 @@ from fltea.recording.text_times import points_of_time
 FEATHER = b"ARROW1"
 
 Batches = Callable[[list[str]], Iterator[Any]]
-"""Function that yields the rows of a table in batches, with at least the named columns."""
+"""Function that takes names of columns, and yields a table in batches of rows with at least these columns."""
 
 
 def read(path: Path, _: str) -> Sheet:
