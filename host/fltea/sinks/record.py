@@ -26,8 +26,8 @@ from fltea.sinks.record_space import check_space
 from fltea.sources.as_wire import as_stated
 
 FLUSH_NS = 750_000_000
-"""Shortest time between two writes of buffered data to the file [ns]. If the program is killed, the newest
-data are missing from the recording: those of this time and of the pause between two calls of `flush`.
+"""Shortest time between two writes of buffered data to the file [ns]. If the program is killed, the data
+since the last write are lost: those of at most this time, plus the pause between two calls of `flush`.
 """
 
 RETRY_NS = 5 * 10**9
@@ -48,8 +48,8 @@ OF_BLOCKS = {
     "estimate": Wanted(estimates=True, nulls=False),
     "corrected": Wanted(corrected=True, nulls=False),
 }
-"""The channels that have one message per sample. For the name of each channel: which of a block's records are
-written to it.
+"""The channels that have one message per sample, by name. The value says which records are made of a block of
+samples and written to the channel.
 """
 
 
@@ -99,7 +99,7 @@ class RecordSink(Sink):
         self, settings: RecordConfig, device: str, report: Report, hello: Hello | None = None
     ) -> None:
         assert settings.folder is not None
-        assert settings.channels is not None  # `RecordConfig.for_devices` has set the names of the channels
+        assert settings.channels is not None  # `RecordConfig.for_devices` has set unset channels
         self.path: Path | None = None
         self.lost = 0
         self._settings, self._report = settings, report
@@ -129,7 +129,10 @@ class RecordSink(Sink):
         return self._finished_bytes + (part.writer.size_bytes if part is not None else 0)
 
     def write(self, item: Item) -> None:
-        """Record one item. If a new file is due, it begins before the next item from the wire."""
+        """Record one item.
+
+        If the file has become too large or too old, the next file begins with the next item from the wire.
+        """
         match item:
             case Reads():
                 self._on_reads(item)
@@ -139,7 +142,7 @@ class RecordSink(Sink):
                 self._on_link(item)
             case Block():
                 self._on_block(item)
-            case Printed():  # this output never receives printed text, which only outputs with `prints` get
+            case Printed():  # this output gets no `Printed`, since it does not set `prints`
                 pass
             case _:
                 self._on_record(item)
@@ -189,7 +192,7 @@ class RecordSink(Sink):
             self._part.add_link(message, self._clock.log_ns, item.host_ns + item.unix_offset_ns)
 
     def _come(self, host_ns: int, unix_offset_ns: int) -> None:
-        """Prepare to record data from the wire.
+        """Note the time of the next item from the wire, and see to it that a file is open.
 
         Begin a new file if the present one is large or old enough, or if there is none.
         """
@@ -228,7 +231,7 @@ class RecordSink(Sink):
     def _file(self) -> OpenPart | None:
         """Return the open file, or None if no file can be written at the moment.
 
-        If no data have arrived from the device yet, begin the first file.
+        The first file begins with the first item. If this one is the first, begin the file now.
         """
         if self._clock.offset_ns is None:
             self._come(clock.host_ns(), clock.unix_offset_ns())

@@ -21,9 +21,9 @@ file begins at once.
 class Outage:
     """What is not recorded at the moment, and why.
 
-    `gap`: counts of the items that were not recorded; None while a file is written. `trouble`: reason why
-    nothing is recorded, or why something was lost last; None while a file is written. `retry_ns`: time by the
-    host's clock before which no new file is tried [ns].
+    `gap`: counts of the items that were not recorded; None while a file is written. `trouble`: text
+    that says why no file is written; None while one is written. `retry_ns`: time by the host's clock before
+    which no new file is tried [ns].
     """
 
     def __init__(self) -> None:
@@ -42,14 +42,15 @@ class Outage:
             self.gap = longer(self.gap, items, size_bytes, chunks)
 
     def add(self, kind: str, lost: LinkMessage) -> None:
-        """Begin or continue the gap, in which `lost` was lost for a reason of this kind."""
+        """Add the counts `lost` to the gap, or begin a gap. `kind`: kind of the `error` record about it."""
         self.gap = msgspec.structs.replace(summed(lost, self.gap or NOTHING), kind=kind)
 
 
 class Held(NamedTuple):
-    """Counts of what a file contains.
+    """Counts of what a file contains, or of what it has lost.
 
-    `items`: counts of its items. `gaps`: counts of the items that the file's own messages report as lost.
+    `items`: counts of recorded items. `gaps`: counts of items that were not recorded, as messages in the file
+    report them.
     """
 
     items: LinkMessage
@@ -72,7 +73,7 @@ def lost_of(part: OpenPart, error: Meddled) -> Held:
 
 
 def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
-    """Return the kind and text of the `error` record that reports the loss."""
+    """Return kind and text of the `error` record that says what another program did to the file at `path`."""
     if error.what == "moved":
         to = f" to {error.where}" if error.where else ""
         return "record_moved", (

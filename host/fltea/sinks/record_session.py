@@ -32,7 +32,7 @@ NO_DISK = "the folder is gone, and what is left of its path is on another disk"
 
 
 def longer(gap: LinkMessage, items: int, size_bytes: int = 0, chunks: int = 0) -> LinkMessage:
-    """Return the message about a gap with its counts of lost data increased by the given numbers."""
+    """Return the message `gap`, with the given numbers added to its counts of lost data."""
     return msgspec.structs.replace(
         gap, bytes=gap.bytes + size_bytes, chunks=gap.chunks + chunks, items=gap.items + items
     )
@@ -46,8 +46,8 @@ def summed(gap: LinkMessage, other: LinkMessage) -> LinkMessage:
 class SourceClock:
     """The source's clock, by which the items of a recording get their times.
 
-    `now_ns`: time of the newest item [ns]. `offset_ns`: offset from this clock to Unix time, as it was at the
-    first item [ns]; None before the first item.
+    `now_ns`: time of the newest item [ns]. `offset_ns`: offset from this clock to Unix time [ns]. The offset
+    of the first item is used for all items; None before the first item.
     """
 
     def __init__(self) -> None:
@@ -68,7 +68,7 @@ class OpenPart:
     fails now.
     `flushed`: counts of the items that are already in the file, and are lost only if another program deletes
     or truncates the file.
-    `gaps`: counts of the items that the file's own messages report as lost.
+    `gaps`: counts of items that were not recorded, as messages in the file report them.
     """
 
     def __init__(self, writer: PartWriter, hello: Hello | None, began_ns: int, now_ns: int) -> None:
@@ -82,7 +82,7 @@ class OpenPart:
         self.unflushed = longer(self.unflushed, 1)
 
     def add_link(self, message: LinkMessage, log_ns: int, publish_ns: int | None = None) -> None:
-        """Write an event of the connection. `publish_ns`: None if it is equal to `log_ns`."""
+        """Write an event of the connection. `publish_ns`: its publish time; None if it is `log_ns`."""
         self.add(LINK, log_ns, log_ns if publish_ns is None else publish_ns, encode_message(message))
 
     def add_gap(self, gap: LinkMessage, log_ns: int) -> None:
@@ -91,7 +91,7 @@ class OpenPart:
         self.gaps = summed(self.gaps, gap)
 
     def add_reads(self, reads: Reads, offset_ns: int, sequence: int) -> None:
-        """Write bytes that arrived over the wire, with the arguments of `PartWriter.add_reads`."""
+        """Write bytes that arrived over the wire. `PartWriter.add_reads` explains the arguments."""
         self.writer.add_reads(reads, offset_ns, sequence)
         count = len(reads.end)
         self.unflushed = longer(self.unflushed, count, len(reads.data), chunks=count)

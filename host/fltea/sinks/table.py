@@ -154,7 +154,7 @@ class DeviceView:
     def _estimate(self) -> Estimate | None:
         """The newest estimate.
 
-        If the estimate comes from a block, its record is made only here, when the table needs it.
+        A block of samples may hold the estimate. Then its record is made only when the table needs it.
         """
         if isinstance(self._newest, Block):
             self._newest = self._newest.last_estimate()

@@ -72,9 +72,9 @@ def fits(by_axis: Mapping[str, DeviceAxisFit]) -> Table:
 
 
 def _not_compared(record: DeviceEstimates) -> list[RenderableType]:
-    """Return one line of text for each reason why differences are missing.
+    """Return lines of text that say why the device's estimates are not compared with this computer's.
 
-    The line names the axes to which the reason applies.
+    There is one line for each reason. It names the axes to which the reason applies.
     """
     axes: dict[WhyNot, list[str]] = {}
     for name, axis in record.axes.items():

@@ -31,8 +31,8 @@ def silent(history: DeviceHistory) -> bool:
 def startup_to_go(history: DeviceHistory) -> int:
     """Return the number of samples that the device's start-up window still needs, as the device says.
 
-    The result is 0 unless only the device estimates the gyroscope's axes and has sent no estimate yet in this
-    epoch.
+    The result is 0 if this computer estimates the gyroscope's axes, or if the device has already sent an
+    estimate in this epoch.
     """
     own = history.stats.device_estimator if history.stats else None
     return own.startup_remaining if own is not None and silent(history) else 0
@@ -131,11 +131,12 @@ def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:
 def _apart(newest: float | None, farthest: float) -> str:
     """Return the newest and the largest difference between the device and this computer as text.
 
-    `farthest`: largest difference in the rows that the page draws. The newest row may be missing in these.
+    `farthest`: largest difference in the rows of the diagram, NaN if unknown. The newest difference may not
+    be in these rows yet, so the larger of the two is returned as the largest.
     """
     if newest is None:
         return ""
-    largest = max(abs(newest), farthest)  # if `farthest` is NaN, `max` returns the newest difference
+    largest = max(abs(newest), farthest)  # if `farthest` is NaN, `max` returns its first argument
     return f"{apart(newest)} now, at most {apart(largest).lstrip('+')}"
 
 

@@ -9,9 +9,9 @@ from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, VerdictKind
 from fltea.records.records import DeviceFits, Fit
 
 AGREE, GROWTH, APART = 4, 1.1, 1.5
-"""Each fit predicts when the order of the axis will be known. The page shows this time if the predictions of
-`AGREE` fits differ by at most the factor `APART`. The fits that are compared are chosen so that each one has
-at least `GROWTH` times as many samples as the one before.
+"""Each fit predicts when the order of the axis will be known. The page shows this time if `AGREE` fits agree:
+the longest predicted time is at most `APART` times the shortest. Each of these fits has at least `GROWTH`
+times as many samples as the one before it.
 """
 
 
@@ -66,7 +66,7 @@ class TimeToTell:
 
     @property
     def left_s(self) -> float | None:
-        """Time from the newest fit until the order is known [s]; None if the fits do not agree on it."""
+        """Time from the newest fit until the order is known [s]; None as long as no `AGREE` fits agree."""
         return None if self._steady_s is None else max(self._steady_s - self._newest_s, 1.0)
 
 
@@ -75,8 +75,8 @@ class Fits:
 
     `newest`: the last record of the type `fit`. `axes`: for each axis its last fit. `curves`: for each axis
     its last spectrum and Allan deviation. `time_to_tell`: for each axis the prediction when its order will be
-    known. `drawn`: for each axis the small diagram of its spectrum. Since every visitor gets this diagram, it
-    is made again only after a tenth more samples or with another verdict.
+    known. `drawn`: for each axis the small diagram of its spectrum. All visitors get the same diagram. It is
+    made again only if the verdict changes, or once a fit has `GROWTH` times as many samples.
     `device`: for each axis the device's own last fit in this epoch. `device_spectra`: for each axis the bins
     of the device's last spectrum.
     """
@@ -97,8 +97,8 @@ class Fits:
     def take(self, record: Fit, rate_hz: float) -> None:
         """Keep a fit that this computer has made.
 
-        If the fit has fewer samples than the one before, the sensor is another one, and everything earlier is
-        forgotten.
+        A fit with fewer samples than the previous fit belongs to another sensor. Then this computer's
+        previous fits and their diagrams are forgotten.
         """
         if self.newest is not None and record.samples < self.newest.samples:
             self.axes, self.curves, self.time_to_tell, self.drawn = {}, {}, {}, {}

@@ -176,7 +176,7 @@ class DeviceHistory:
             host_ns = self.sample.host_ns if self.sample else 0
             text = f"the page missed {count} records: it was too slow"
             self.happenings.append(Happening(host_ns, "missed", text))
-            # the record about the end of the present motion may be among the lost records
+            # the present motion may be over: the record of its end may be among the missed records
             self.marks.end(host_ns)
 
     @property

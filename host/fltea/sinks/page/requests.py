@@ -69,6 +69,8 @@ class _State(_Handler):
     """Handles the request for the state of a device.
 
     `GET /state?device=NAME&axis=NAME&window=N&parts=NAME:CHECKSUM,…&cursor=CURSOR&drawn=CURSOR`
+
+    `State.read` explains `parts`, `cursor` and `drawn`.
     """
 
     def get(self) -> None:
@@ -129,7 +131,6 @@ class _Download(_Handler):
     make: ClassVar[Callable[[Seen], str]]
 
     def get(self) -> None:
-        """Answer with the content of the file."""
         history = self.history
         try:
             with history.lock:

@@ -40,7 +40,7 @@ class View(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A part of the state as JSON, with its checksum and the monotonic time when it was made."""
+    """One part of the page's content as JSON, with its checksum and the monotonic time when it was made."""
 
     json: bytes
     checksum: str
@@ -108,9 +108,9 @@ class State:
     ) -> bytes:
         """Return, as JSON, what has changed since the page's last request.
 
-        `had`: for each part that the page has, by name, its checksum. `cursor`: how far the page has read the
-        rows for the diagrams of the open axis; None if it wants no rows. `drawn`: how far the page has read
-        the rows for the small diagrams; None if it wants none.
+        `had`: the names of the parts that the page shows, each with the checksum of what the page has.
+        `cursor`: says which rows the page has for the diagrams of the open axis; it is the cursor in the
+        server's last answer. None: the page needs no rows. `drawn`: the same for the small diagrams.
         """
         parts = {}
         for name in had:
@@ -155,7 +155,7 @@ class State:
     ) -> dict[str, Any]:
         """Return the rows of numbers that the page lacks, and the time at which its diagrams end.
 
-        `places_of`: function that returns, for each wanted column, its index in a row.
+        `places_of`: function that returns the names of the wanted columns, each with its index in a row.
         """
         history = self._histories[device]
         generation, _, rows = cursor.partition(".")

@@ -12,8 +12,8 @@ from fltea.records.arrays import Array
 Kind = Literal["mean", "min", "max"]
 
 MOST_ROWS = 302
-"""Largest number of rows of a time window: one row for each point that a diagram can show, and two rows for
-the diagram's ends.
+"""Largest number of rows of a time window. 300 rows cover the window, and one more row at each end lets the
+curves reach both edges of the diagram.
 """
 
 _generations = itertools.count(secrets.randbelow(2**40))
@@ -94,18 +94,17 @@ class Tiers:
         self.clear()
 
     def clear(self) -> None:
-        """Forget all rows, so that the cursors of all pages become invalid."""
+        """Forget all rows. Each page then gets all new rows, since its cursor is no longer valid."""
         self._generation = next(_generations)
         self._rings = [Ring(self._columns) for _ in WINDOWS]
         self._buckets = [0.0] * len(WINDOWS)
         self._waiting: list[list[Array]] = [[] for _ in WINDOWS]
 
     def append(self, row: Array, tier: int = 0) -> None:
-        """Add a row to those rows of a time window that are waiting to be merged.
+        """Add a row to a time window, which keeps only one row for each duration `bucket_ms`.
 
-        Once all rows of the duration `bucket_ms` have come, they are merged. The merged row is added to this
-        window, and waits to be merged again for the next longer window. `tier`: index of the window in
-        `WINDOWS`.
+        So the row waits until all rows of this duration have come, and they are merged into one. The merged
+        row is kept, and is also added to the next longer window. `tier`: index of the window in `WINDOWS`.
         """
         bucket = row[0] // WINDOWS[tier].bucket_ms
         if bucket != self._buckets[tier]:

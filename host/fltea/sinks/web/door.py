@@ -66,8 +66,8 @@ def bind(option: str, host: str, port: int) -> list[socket.socket]:
 class Door(HTTPServerConnectionDelegate):
     """Serves a web application on sockets, in the event loop of the thread that creates this object.
 
-    If there is no room for a new connection, the connection that has been idle longest is closed. If an
-    address that already has half of all allowed connections opens another, the connection of this address
+    A new connection may exceed the limit of all connections. Then the connection that has been idle longest
+    is closed. One address may have half of all allowed connections. If it opens another, its own connection
     that has been idle longest is closed.
     """
 
@@ -186,6 +186,6 @@ class LibraryErrors(logging.Handler):
         what = (record.getMessage().strip().splitlines() or [""])[0]
         error = record.exc_info[1] if record.exc_info else None
         cause = "" if error is None else f" ({type(error).__name__}: {error})"
-        # an error inside this method must not be reported as another error
+        # the error of a failed report is dropped, since it would come to this method again
         with contextlib.suppress(Exception):
             self._report("page_fault", f"the page has a fault; everything else goes on. {what}{cause}")

@@ -29,7 +29,9 @@ browser would first ask this server for permission, and get none.
 """
 
 BURST = 10
-"""As many requests may come at once as are allowed in this time on average [s]."""
+"""At most as many requests may come at once as the average rate allows in this time [s]. At 5 requests per
+second, these are 50.
+"""
 
 TRY_AGAIN_S = 10
 HEADERS = {
@@ -119,11 +121,10 @@ class Handler(RequestHandler):
     """Handles a request to a page, and refuses it if it is not allowed."""
 
     def initialize(self, site: Site) -> None:
-        """Remember `site`, which every route passes to its handler."""
+        """Keep the argument `site`, which the library tornado passes to the handler of every route."""
         self.site = site
 
     def set_default_headers(self) -> None:
-        """Set the headers of every answer."""
         for name, value in HEADERS.items():
             self.set_header(name, value)
         self.clear_header("Server")
@@ -134,9 +135,9 @@ class Handler(RequestHandler):
         A request is refused if it names another host, comes from another site's page, lacks the password, or
         exceeds the limit.
 
-        A page of another site cannot read ours, since its `Origin` differs. Nor can another site pose as ours
-        by letting its host name resolve to this machine, since the `Host` in the request is then not one of
-        our names.
+        A request from another site's page is known by its `Origin`. Another site may also let its own host
+        name resolve to this machine, so that its page seems to be ours. Its requests are known by their
+        `Host`, which is not one of our names.
         """
         if not is_own(self.request.host, self.site.names):
             raise HTTPError(HTTPStatus.MISDIRECTED_REQUEST)
@@ -189,7 +190,6 @@ class File(Handler):
     """Handles a request for one of the page's files."""
 
     def get(self, name: str) -> None:
-        """Answer with the content of the requested file."""
         kind, content = self.site.files[name]
         self.set_header("Content-Type", f"{kind}; charset=utf-8")
         self.write(content)
