@@ -32,9 +32,9 @@ class ArrivalWatch:
         self._pauses_s: list[float] = []
 
     def add(self, device_us: int, host_ns: int) -> Trouble | None:
-        """Note the times of the last one of several samples that arrived together.
+        """Note the device time and the arrival time of the last of several samples that arrived together.
 
-        Return a warning if one is due.
+        Return a warning if samples now come later than before, or not at the stated rate.
         """
         host_s, device_s = host_ns * 1e-9, device_us * 1e-6
         if self._origin is None:
@@ -55,7 +55,7 @@ class ArrivalWatch:
             jump_s = late_s - reference[0] - slope * (host_s - reference[1])
             least_s = max(self.LEAST_JUMP_S, 3 / self._rate_hz, float(np.median(self._pauses_s)))
             if jump_s > least_s and self._doubt is None:
-                # whether the delay stays this large is seen from the earliest arrival of the next second
+                # the smallest delay in the next second shows whether the delay stays this large
                 self._doubt = late_s, host_s
                 return None
             if jump_s > least_s:
@@ -75,8 +75,8 @@ class ArrivalWatch:
     def _slope(self) -> float:
         """Return by how much the delay of the samples grows per second. Jumps of the delay are not included.
 
-        The result is a median of differences. A straight line (`clock_fit`) would be worse: a jump of the
-        delay that has not been recognised yet would change the line's slope.
+        The result is the median of the changes from each second to the next. The slope of a straight line
+        (`clock_fit`) would be worse, since a jump that has not been recognised yet would change it.
         """
         late, host = np.array(self._whiles).T
         return float(np.median(np.diff(late) / np.diff(host)))

@@ -32,8 +32,8 @@ from fltea.wire.message_events import hello_event
 from fltea.wire.messages import encode
 
 SCALES = ("rate_hz", "gyro_lsb_per_dps", "accel_lsb_per_g")
-"""The fields of HELLO on which the estimates depend. If a frame cannot hold their exact values, the source
-cannot be recorded.
+"""The fields of HELLO on which the estimates depend. If a frame cannot hold their exact values, a replay
+would give other estimates, so the source cannot be recorded.
 """
 
 U16, U32 = 1 << 16, 1 << 32
@@ -85,9 +85,9 @@ class AsWire:
         return found
 
     def _lost(self, event: Event) -> list[TransportEvent]:
-        """Return the transport events that say that the source lost its device.
+        """Return the event `Failed` if the source has just lost its device; else return nothing.
 
-        `event`: the event right after the loss. If it is a `Trouble`, it states the reason for the loss.
+        `event`: the event that follows the loss. If it is a `Trouble`, it states the reason for the loss.
         """
         if self._down is None:
             return []
@@ -124,6 +124,8 @@ def _impossible(why: str) -> UsageError:
 def as_stated(hello: Hello) -> Hello:
     """Return the HELLO with the fields of the device's identity as a replay of its recording gives them.
 
+    They may differ from the source's, since a frame cannot hold all their values.
+
     Raises:
         UsageError: a frame cannot hold the HELLO.
     """
@@ -153,8 +155,8 @@ def _hello(hello: Hello) -> wire.Hello:
         gyro_dlpf=round(hello.gyro_dlpf_hz or 0),
         sampling_mode=_number(wire.SamplingMode, hello.sampling_mode),
     )
-    # `pack` raises an error if values do not fit into a frame; the exact values are compared only after this
-    # check
+    # `pack` raises an error if a value does not fit into a frame. Below it is checked that the values that
+    # fit are also exact.
     message.pack()
     if hello.gyro_lsb_per_dps is None:
         raise ValueError("its samples are in deg/s, not in counts")

@@ -1,11 +1,10 @@
 """Fit a device's clock to the host's clock.
 
-A straight line over the device's time is fitted to the delays with which samples arrive.
+A straight line is fitted to the delays with which samples arrive, as a function of the device's time.
 
 The delay between sampling and arrival is never negative, but for some samples it is much larger than for
-other samples. So of each second or so, a caller passes only the arrival with the smallest delay. The line is
-fitted by least squares in host/native/clock_fit.hpp, which live samples and recordings use too
-(host/native/timebase.hpp).
+other samples. So of each second or so, a caller passes only the arrival with the smallest delay. The code of
+the fit is host/native/clock_fit.hpp. host/native/timebase.hpp uses it too, for live samples and recordings.
 """
 
 from collections.abc import Sequence
@@ -15,18 +14,16 @@ from fltea import _native
 
 
 class ClockFit(NamedTuple):
-    """The line that is fitted to the delay over the device's time.
+    """The straight line that is fitted to the delays of arrivals, as a function of the device's time.
 
-    At the device's time `device`, the line has the value `delay`.
-
-    `device` and `delay` are the means of the arrivals' device times and delays. The caller chooses the unit
-    of the device's time, such as seconds or numbers of samples.
+    `device`, `delay`: one point of the line, which is the mean of the arrivals' device times and the mean of
+    their delays. The caller chooses the unit of the device's time, such as seconds or numbers of samples.
     """
 
     device: float
     delay: float
     slope: float
-    """Change of the delay per unit of the device's time."""
+    """Slope of the line: change of the arrivals' delay per unit of the device's time."""
     slope_std: float
     """Standard error of the slope, computed from the residuals; infinite if there are only two arrivals."""
 

@@ -43,10 +43,7 @@ class FramesSource:
         return iter(())
 
     def open(self, now_ns: int, unix_offset_ns: int) -> Iterator[Event]:
-        """Yield the events of the connection's beginning.
-
-        They precede the events of the device's first message.
-        """
+        """Yield the events that precede the device's first message: those of a new connection."""
         return self.take(Opened(now_ns, unix_offset_ns))
 
     def take(self, item: Opened | Chunk | Reads | None) -> Iterator[Event]:
@@ -60,8 +57,8 @@ class FramesSource:
             now_ns = host_ns()
         else:
             now_ns = int(item.host_ns[0]) if isinstance(item, Reads) else item.host_ns
-        # the time since the last message counts as a pause of the device, not of the program: this source
-        # exists only once the device has sent something
+        # The time since the last call is a pause of the device, since the receiver passes messages on at
+        # once. If the program was stalled, the receiver calls `forgive`.
         self._wire.resume(now_ns)
         yield from self._wire.feed(item, now_ns)
 

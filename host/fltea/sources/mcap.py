@@ -117,7 +117,7 @@ def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]
 def _missing(session: Session) -> Iterator[tuple[Path, str]]:
     """Yield the files that are missing between the files of a session, each with a text that says so.
 
-    Whether the first or the last files of the session are missing cannot be seen here.
+    `McapRecording.missing_before` tells of missing first files. Missing last files cannot be noticed.
     """
     unread = {path.name for path in session.unread}
     for before, after in pairwise(part.info.part for part in session.parts):
@@ -128,7 +128,7 @@ def _missing(session: Session) -> Iterator[tuple[Path, str]]:
 
 
 def _original(path: Path) -> Path:
-    """Return the original file of a recovered copy. For any other file, return the file itself."""
+    """Return the path of the file of which `path` is a recovered copy; `path` itself if it is no copy."""
     return path.with_name(path.name.replace(".recovered.", "."))
 
 
@@ -177,9 +177,10 @@ class Losses:
 class Continuity:
     """Knows whether the next message follows the last one without a gap.
 
-    `opened`: whether the connection to the device stands. `hello`: HELLO to yield before the next message, or
-    None. `missing`: the reason if data are missing before the next message, else None. `next_sequence`:
-    number of the next message from the wire; None if any number may follow.
+    `opened`: whether the connection is open; if not, an `Opened` event has to come before the next message.
+    `hello`: HELLO to yield before the next message, or None. `missing`: the reason if data are missing before
+    the next message, else None. `next_sequence`: number of the next message from the wire; None if any number
+    may follow.
     """
 
     def __init__(self, info: PartInfo) -> None:
@@ -197,7 +198,7 @@ class Continuity:
 
 
 class McapRecording:
-    """Yields the events of a recording, or the recording's messages. This is possible only once.
+    """Yields the events of a recording, or its messages. They can be iterated only once.
 
     `name`: name of the source in each HELLO. `unread`: reasons why files cannot be read, or not completely.
     `changes`: counts of bias steps and motions, of the events that were yielded so far.
@@ -225,7 +226,7 @@ class McapRecording:
 
     @property
     def missing_before(self) -> str:
-        """Text about files of the session that are missing before the first one; empty if none is missing."""
+        """Text that says which files are missing before the first file that is read; empty if none."""
         name, number = name_of(self.parts[0].path), self.parts[0].info.part
         beside = {path.name.removesuffix(SUFFIX).removesuffix(".recovered") for path in _of_session(name)}
         missing = [k for k in range(number) if f"{name.name}_{k:03}" not in beside]
@@ -241,7 +242,7 @@ class McapRecording:
         return self._wire.link_stats()
 
     def events(self) -> Iterator[Event]:
-        """Yield the device's events. Troubles from the time of the recording are not fatal in a replay."""
+        """Yield the device's events. Recorded troubles are not `fatal` here, so they do not end a replay."""
         number = self.parts[0].info.part
         for part in self.parts:
             if part.info.part != number:
@@ -289,7 +290,8 @@ class McapRecording:
     def _on_batch(self, batch: Batch, info: PartInfo) -> Iterator[Event]:
         """Yield the events of a batch of messages.
 
-        The bytes of successive reads from the port are decoded together.
+        A message from the wire holds the bytes of one read from the port. Successive messages of this kind
+        are decoded in one call.
         """
         of_wire = [channel for channel, topic in batch.topics.items() if topic == WIRE]
         of_link = [channel for channel, topic in batch.topics.items() if topic == LINK]
@@ -348,7 +350,7 @@ class McapRecording:
         continuity = self._continuity
         if continuity.missing is not None:
             self.losses.breaks += 1
-            # it is unknown what the port did during the gap, so no silence of the port is reported for it
+            # nobody knows whether the port was silent during the gap, so no silence is reported
             self._wire.forgive(host_ns)
             failed = Failed("recording_gap", f"{self._name}: {continuity.missing}.", host_ns, offset_ns)
             yield from self._interpret(failed, host_ns)

@@ -114,8 +114,8 @@ class ByTime:
     A step of the times longer than the sampling period means that samples were lost.
 
     `where`: name of the source in messages. `duplicates`: number of samples that were left out because their
-    time equals that of the previous sample. `unrated`: number of samples that were left out because their
-    times give no rate; `why_no_rate` says why.
+    time equals that of the previous sample. `unrated`: number of samples that were left out because no
+    sampling rate could be found from their times. `why_no_rate`: the reason why none was found.
     """
 
     def __init__(self, where: str, column: TimeColumn) -> None:

@@ -43,7 +43,10 @@ def find_board() -> str:
 
 
 def named(url: str) -> Named:
-    """Return what a URL or a bare path names, as far as its form and the file at the path tell."""
+    """Return the scheme of a URL or a bare path, and the place that it names.
+
+    The form of a bare path and the file at the path tell whether it is a recording, a pipe or a port.
+    """
     scheme, colon, rest = url.partition(":")
     of_pyserial = rest.startswith("//") and scheme not in BY_SCHEME
     # the source is a path, or a URL of the library pyserial

@@ -15,8 +15,8 @@ class Named(NamedTuple):
     """What a URL names.
 
     Attributes:
-        scheme: scheme that the URL has, or that a bare path stands for.
-        place: part of the URL after the colon, or the whole path or URL of pyserial.
+        scheme: scheme of the URL. For a bare path it is that of a recording, a pipe or a serial port.
+        place: part of the URL after the colon. For a bare path or a URL of the library pyserial, all of it.
     """
 
     scheme: str

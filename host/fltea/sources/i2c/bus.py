@@ -55,8 +55,8 @@ def open_bus(path: str, address: int) -> Bus:
 def take(fd: int, address: int) -> None:
     """Lock the sensor for this process. A second fltea would take some of the samples from its FIFO.
 
-    The lock covers the byte of the bus's device file whose number is the address, so that sensors at other
-    addresses stay free. The lock ends when `fd` is closed.
+    `fd`: the open device file of the bus. Only one byte of this file is locked: byte number `address`. So
+    sensors at other addresses stay free. The lock ends when `fd` is closed.
 
     Raises:
         OSError: another process has the lock (EAGAIN or EACCES).

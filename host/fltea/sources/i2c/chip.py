@@ -28,7 +28,8 @@ class Setting(NamedTuple):
 class Banks(NamedTuple):
     """How a bank of registers is selected.
 
-    `select`: register whose bits from bit `shift` on are the number of the bank. It is in every bank.
+    `select`: register to which the number of the bank is written, shifted to the left by `shift` bits. This
+    register is in every bank.
     """
 
     select: int
@@ -68,8 +69,8 @@ class Packet(NamedTuple):
     def is_sample(self, row: Row) -> bool:
         """Return whether a row is a sample, and was not read from an empty FIFO.
 
-        Samples with a header are told by it. Without one, a chip whose FIFO is empty repeats the last byte
-        (MPU-9250 register map, section 4.37), so all bytes of the row are equal.
+        If samples have a header, every sample begins with it. If they have none, an empty FIFO repeats its
+        last byte (MPU-9250 register map, section 4.37), so a row of equal bytes is no sample.
         """
         if self.header is not None:
             return not (row[0] ^ self.header.value) & self.header.mask

@@ -1,8 +1,8 @@
 """Drives a sensor on a Linux I²C bus: identifies it, sets it up, and reads whole samples from its FIFO.
 
 The sensor's own clock sets the sampling rate, and the FIFO holds the samples until they are read. A reading
-transaction writes a register's number and then reads once. It cannot have further parts, since the I²C
-controllers of the Raspberry Pi 1 to 4 refuse anything after a read.
+transaction writes a register's number and then reads once. A second register needs another transaction,
+since the I²C controllers of the Raspberry Pi 1 to 4 refuse anything that follows a read.
 """
 
 import errno
@@ -38,9 +38,9 @@ Counts = tuple[tuple[int, ...], int, tuple[int, ...]]
 
 
 class SensorFault(Exception):
-    """Raised if the sensor answers, but wrongly.
+    """Raised if the sensor answers, but wrongly: for example with an unknown WHO_AM_I, or with lost settings.
 
-    `detail`: detail of the fault, as protocol/README.md defines it for each `FaultCode`.
+    `detail`: says more about the fault. protocol/README.md defines its meaning for each `FaultCode`.
     """
 
     def __init__(self, code: FaultCode, detail: int) -> None:
@@ -56,7 +56,7 @@ class TransferFailed(Exception):
         super().__init__(error)
         self.error = error
         self.acknowledged = error.errno not in NOT_ACKNOWLEDGED
-        """Whether the transfer broke off after its start, so that bytes from the FIFO may be lost."""
+        """Whether the chip acknowledged the transfer's beginning. Then bytes from the FIFO may be lost."""
 
 
 class Level(NamedTuple):
@@ -140,10 +140,10 @@ class Driver:
             self._confirm(first, n, [s for s in self.chip.settings if s.register in span])
 
     def restart_fifo(self) -> None:
-        """Empty the FIFO, and start to fill it again. `filled` then says when that was.
+        """Empty the FIFO, and start to fill it again. `filled` then says when the filling started.
 
-        The flag of an old overflow is read, which clears it, before the FIFO is filled. So an overflow while
-        the bus delays the transfers that follow is not missed.
+        Before the start, the overflow flag is read, which clears it. If it were read after the start, and the
+        bus delayed the read, the flag of a new overflow could be cleared.
         """
         *emptying, (register, value) = self.chip.restart
         for one in emptying:
@@ -182,7 +182,7 @@ class Driver:
     def counts(self, row: Row) -> Counts:
         """Split a sample into the counts of acceleration, temperature and angular rate.
 
-        If the temperature is not taken from the FIFO, the last call of `level` has read it.
+        If the FIFO does not hold the temperature, the value that the last call of `level` read is used.
         """
         _, accel, gyro, place, _ = self.chip.packet
         temperature = self._temperature if place is None else row[place]

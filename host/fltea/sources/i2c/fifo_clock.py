@@ -12,23 +12,23 @@ from fltea.sources.clock_fit import fit_clock
 
 NS_PER_S = 1_000_000_000
 BLOCKS_KEPT = 60
-"""For the clock fit, one arrival of each second is kept, over this many seconds. It is only one minute, since
-the sensor's clock drifts as the sensor warms up.
+"""The clock fit uses one arrival of each second, over the last so many seconds. A longer time would be worse,
+since the sensor's clock drifts as the sensor warms up.
 """
 
 DRIFT = 1e-4
 SPREAD_NS = 5_000_000
-"""The delays of two kept arrivals differ by at most this [ns]. So the relative error of the measured clock
-rate is at most this, divided by the time that the kept arrivals span. The clock's drift adds to this error.
+"""The delays of two kept arrivals differ by at most this [ns]. So the relative error of the sampling period
+is at most `SPREAD_NS` / (time between the first and the last kept arrival) + `DRIFT`.
 """
 PHASE_NS = 2_000_000
-"""Of the samples of a second, the one with the smallest delay arrives at most this long after the sensor
-measured it [ns].
+"""Upper bound of the smallest delay of all samples of a second, between the sensor's measurement and the
+arrival [ns].
 """
 SLACK = 0.5
-"""The number of samples in the FIFO may differ by this much from the number that follows from the elapsed
-time [samples]. To this are added the possible errors of the measured clock, from the bounds DRIFT, SPREAD_NS
-and PHASE_NS.
+"""The number of samples in the FIFO may differ from the number that the elapsed time predicts by this much
+[samples], plus the largest possible error of the prediction. This error follows from DRIFT, SPREAD_NS and
+PHASE_NS.
 """
 
 
@@ -95,7 +95,9 @@ class FifoClock:
     def resume(self, waiting: int, empty: Span, seen_ns: int) -> Resumed:
         """Skip the numbers of samples that were lost, and return how many these are.
 
-        The FIFO was empty at some time in the interval `empty`, and held `waiting` samples at `seen_ns`.
+        Their number follows from the time between the last sample before the loss and the first one after it.
+        `empty`: interval in which the FIFO was empty for the last time. `waiting`: number of samples that it
+        held at `seen_ns`.
         """
         empty_ns = empty.before_ns
         first_ns = seen_ns - (waiting - 1) * self._period_ns
@@ -114,23 +116,20 @@ class FifoClock:
                 self.forget()
         self.next += step - 1
         if self._reference is None:
-            # The next sample arrived no later than this. Samples that are seen late, after a delay of the
-            # program, would say less.
+            # The first waiting sample arrived at `latest_ns` or earlier. If the program was delayed, the time
+            # at which the samples were seen is much later, and relates the clocks less exactly.
             self._learn(self.next, math.floor(latest_ns))
         return Resumed(step - 1, doubt)
 
     def take(self, n: int, waiting: int, seen_ns: int, *, timely: bool) -> list[tuple[int, int]]:
         """Return number and arrival time of each of the `n` samples that are taken from the FIFO.
 
-        These `n` samples are the oldest of the `waiting` samples that were counted at `seen_ns`.
+        `waiting`: number of samples that the FIFO held at `seen_ns`; the oldest `n` of them are taken.
+        `timely`: whether they were counted so quickly that `seen_ns` can be used to estimate the clock.
 
-        The newest waiting sample counts as arrived at `seen_ns`. An older sample arrived earlier, by the time
-        for which it has waited in the FIFO longer than the newest. This time is computed for the fastest
-        clock that is possible, for which it is shortest. So no sample seems to arrive before the sensor
-        measured it.
-
-        `timely`: whether the samples were counted so quickly that `seen_ns` can be used to estimate the
-        clock.
+        The newest of the waiting samples counts as arrived at `seen_ns`, and each older sample one sampling
+        period before the next. The shortest possible period is used. So no sample seems to arrive before the
+        sensor measured it.
         """
         shortest_ns = self._period_ns * (1 - self._clock_error())
         newest = self.next + waiting - 1

@@ -83,9 +83,9 @@ class Restarts:
     """Restarts of the FIFO, which empty it.
 
     `counts`: number of restarts, by cause. `is_due`: whether the next poll has to restart the FIFO.
-    `may_be_due`: whether the sensor has yet to be asked if the FIFO overflowed while it was read. `cause`:
-    cause of the last restart, or of the one that is due; empty if the sensor was just set up. `last_ns`: time
-    of the last restart [ns].
+    `may_be_due`: whether the FIFO may have overflowed while it was read, so that the sensor has to be asked.
+    `cause`: cause of the last restart, or of the one that is due; empty if the sensor was just set up.
+    `last_ns`: time of the last restart [ns].
     """
 
     def __init__(self) -> None:
@@ -189,8 +189,8 @@ class FifoReader:
     def _checked(self) -> list[RawSample]:
         """Check that the sensor still has its settings, and return the samples that were read before.
 
-        The settings of a sensor that lost them do not come back by themselves. So the check also holds for
-        samples that were read before, even if the bus has failed in between.
+        A sensor that lost its settings does not get them back by itself. So if it has them now, it also had
+        them when the samples were read, even if the bus has failed in between.
         """
         self._driver.check_settings()
         samples = [self._sample(*one) for one in self._unchecked]
@@ -225,8 +225,8 @@ class FifoReader:
     def _whole_samples(self, level: Level, doubt: str | None) -> int:
         """Return the number of whole samples in the FIFO.
 
-        `doubt`: reason why the contents may be wrong, or None. If there is a reason, the result is 0. There
-        is one exception: after an overflow, the FIFO of some chips still holds whole samples.
+        `doubt`: reason why the FIFO's contents may be wrong, or None. If there is a reason, the result is 0.
+        One exception: the FIFO of some chips (`keeps_oldest`) still holds whole samples after an overflow.
         """
         chip = self._driver.chip
         if doubt is None or (doubt == "overflow" and chip.keeps_oldest):
@@ -257,7 +257,7 @@ class FifoReader:
             self.losses.append(Loss(self.restarts.cause, missing, doubt))
 
     def _watch_overflow(self, level: Level, read: int) -> None:
-        """Let the next poll restart the FIFO if it overflowed after `level` was read.
+        """Let the next poll restart the FIFO if the FIFO overflowed after `level` was read.
 
         That may happen if the program was delayed.
         """

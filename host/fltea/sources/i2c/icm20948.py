@@ -14,7 +14,7 @@ from typing import Final
 from fltea.sources.i2c.chip import AD0, INT16_ENDS, Banks, Chip, Family, Packet, Setting
 
 BANK_2: Final = 0x200
-"""Number that is added to the number of each register that is in bank 2."""
+"""256 times the bank's number, which is added to the number of each register in bank 2 (see chip.py)."""
 
 WHO_AM_I: Final = 0x00
 """ICM-20948 data sheet, section 8.1: Identity of the chip."""
@@ -101,8 +101,8 @@ SETTINGS = (
 
 ICM20948 = Chip(
     rate_hz=1125 / (1 + DIVIDER),
-    # the register TIMEBASE_CORRECTION_PLL can state no larger error of the PLL's frequency (ICM-20948 data
-    # sheet, section 4.14)
+    # the largest error of the PLL's frequency that the register TIMEBASE_CORRECTION_PLL can state (ICM-20948
+    # data sheet, section 4.14)
     clock_error=0.1,
     gyro_range_dps=2000.0,  # ranges and sensitivities: ICM-20948 data sheet, sections 3.1, 3.2
     gyro_lsb_per_dps=16.4,
@@ -112,7 +112,7 @@ ICM20948 = Chip(
     accel_lsb_per_g=16384.0,
     reset=(PWR_MGMT_1, 0x80),
     reset_s=0.1,
-    # the gyroscope needs 35 ms to start from sleep, in which the chip is after a reset (ICM-20948 data sheet,
+    # a chip sleeps after a reset, and its gyroscope needs 35 ms to start from sleep (ICM-20948 data sheet,
     # section 3.1)
     settle_s=0.05,
     settings=SETTINGS,

@@ -44,7 +44,7 @@ WHO_AM_I: Final = 0x75
 RESET: Final = 0x80
 """Bit of PWR_MGMT_1: H_RESET, which resets the chip."""
 PLL_CLOCK: Final = 0x01
-"""Value of PWR_MGMT_1: the chip is awake, and uses the PLL as its clock as soon as it is ready."""
+"""Value of PWR_MGMT_1: the chip is awake, and uses the PLL as its clock once the PLL is ready."""
 PULSE_HIGH: Final = 0x00
 """Value of INT_PIN_CFG: the pin is push-pull and active high, and gives a pulse of 50 us."""
 FIFO_OVERFLOW: Final = 0x10
@@ -60,6 +60,6 @@ USER_FIFO_EN: Final = 0x40
 USER_FIFO_RST: Final = 0x04
 """Bit of USER_CTRL: FIFO_RST, which empties the FIFO and then clears itself."""
 RANGE_SHIFT: Final = 3
-"""Position of FS_SEL and ACCEL_FS_SEL, the ranges, which are bits 4:3. The bits below are 0: the filters are
-on.
+"""Bits 4:3 of GYRO_CONFIG and ACCEL_CONFIG select the range, so a range is shifted to the left by this number
+of bits. FCHOICE_B, in the bits below, is left 0, so that the filters are not bypassed.
 """

@@ -119,7 +119,7 @@ def device_id(path: str, address: int) -> str:
 
 
 class Pauses:
-    """Waits between two uses of the bus, and yields ticks and statuses meanwhile.
+    """Waits between two uses of the bus, and yields each `Tick` and `DeviceStatus` that is due meanwhile.
 
     `status`: function that returns the present status. `closed`: whether to end the iteration of events.
     """
@@ -131,7 +131,7 @@ class Pauses:
         self._tick_ns = self._status_ns = 0
 
     def came(self, host_ns: int) -> None:
-        """Remember that samples came, so that no `Tick` (nothing came) is due for a while."""
+        """Remember that samples came. A `Tick`, which says that nothing came, is not due for a while then."""
         self._tick_ns = host_ns + TICK_NS
 
     def poll(self) -> Iterator[Event]:
@@ -206,7 +206,7 @@ class Troubles:
         self._reported.forget()
 
     def relative(self, who_am_i: int) -> Iterator[Trouble]:
-        """Report once that a sensor is only a relative of a known one."""
+        """Report once if the sensor is only a relative or a clone of the MPU-9250."""
         text = relative_text(who_am_i)
         if text is not None and who_am_i != self._reported_relative:
             self._reported_relative = who_am_i
@@ -266,7 +266,7 @@ class I2cSource:
     def events(self) -> Iterator[Event]:
         """Yield the sensor's events until `close`."""
         for event in self._events():
-            # the offset is kept here, so that recordings and the outputs' records use the same offset
+            # kept for each event, so that a recording and the outputs give the event the same Unix time
             self.unix_offset_ns = self._host.unix_offset_ns()
             yield event
 
@@ -284,8 +284,8 @@ class I2cSource:
     def link_stats(self) -> LinkStats:
         """Return the counts of the connection.
 
-        In these counts, samples are frames. Restarts of the FIFO are bad frames, and are counted for each
-        reason why this program restarted the FIFO.
+        Each sample counts as a frame, and each restart of the FIFO as a bad frame. Bad frames are counted by
+        the cause of the restart.
         """
         return LinkStats(
             bytes=self._reader.samples * self._driver.chip.packet.size,

@@ -166,10 +166,10 @@ class Buffer:
                 self._set(f"{device.buffer}/watermark", str(max(1, round(rate_hz * LATENCY_S))))
 
     def _set(self, name: str, value: str, *, undo: bool = True, after: str | None = None) -> None:
-        """Write a setting if its present value differs.
+        """Write a setting. If it has this value already, and `after` is None, write nothing.
 
-        `undo`: whether `close` restores the setting. `after`: the value that `close` writes to restore the
-        setting; None stands for the present value.
+        `undo`: whether `close` restores the setting. `after`: the value that `close` then writes; if it is
+        None, `close` writes the value that the setting has now.
         """
         if after is None and self._device.text(name) == value:
             return

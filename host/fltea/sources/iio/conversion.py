@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 class Conversion(NamedTuple):
     """Converts the counts of a sensor's axes, (n, axes), to the values that records hold.
 
-    If all axes have one scale, all offsets are whole numbers, and the mount matrix only swaps axes or changes
-    signs, then the results are still whole counts. In this case `lsb` is the number of counts per unit.
-    Otherwise the results are in the unit (deg/s or m/s²), and `lsb` is None.
+    There are two cases:
+        The values are still whole counts if all axes have one scale, all offsets are whole numbers, and the
+            mount matrix only swaps axes or changes signs. `lsb` is the number of counts per unit.
+        Otherwise the values are in the unit (deg/s or m/s²), and `lsb` is None.
 
-    `matrix`: mount matrix, (axes, axes); it includes the scale if `lsb` is None. `offset`: numbers that are
-    added to the counts first, (axes,).
+    `offset`: numbers that are added to the counts first, (axes,). `matrix`: matrix that is applied then,
+    (axes, axes): the mount matrix. It includes the scale if `lsb` is None.
     """
 
     lsb: float | None

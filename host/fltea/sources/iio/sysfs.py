@@ -165,10 +165,10 @@ def find(root: Path, what: str) -> list[Attributes]:
 
 
 def root_of(what: str) -> Path:
-    """Return the folder that is used as the root folder /.
+    """Return the folder that contains the folder `sys` in which the device is looked for. Usually this is /.
 
-    The result is another folder than / only if `what` is a path to a device in a copy of /sys. The copy is in
-    the folder that is returned.
+    `what`: what the user names. Only the path to a device in a copy of /sys gives another folder:
+    /copy/sys/bus/iio/devices/iio:device0 gives /copy.
     """
     before, found, _ = what.partition(f"/{DEVICES}/")
     return Path(before or "/") if found else Path("/")
