@@ -50,8 +50,8 @@ class AxisColumns(NamedTuple):
 
     `null_p`, `whiteness`: results of the newest fit, one for each axis.
     `state`, `innovation`: in `unit`.
-    `settled`: whether the innovations are white. If the live fit is to tune the filters, it must also have
-    tuned them.
+    `settled`: whether the innovations are white and, if the live fit is to set the variances of the filters,
+    whether it has done so.
     """
 
     axes: tuple[str, ...]
@@ -74,9 +74,9 @@ class AxisColumns(NamedTuple):
     def of_rows(
         self, values: Values, tracked: "TrackedColumns | None" = None
     ) -> Iterator[dict[str, AxisEstimate]]:
-        """Yield, for each of the chosen rows, the estimates by axis.
+        """Yield a dictionary from axes to estimates for each row that `values` chooses.
 
-        `tracked`: tracker results of the same axes.
+        `tracked`: results of the bias trackers of the same axes.
         """
         # Each call converts a column for all axes, since the number of calls determines the time if a block
         # has only one row.
@@ -131,7 +131,10 @@ def _by_axis(axes: tuple[str, ...], values: Iterator[T]) -> Iterator[dict[str, T
 
 
 def _tracked(tracked: TrackedColumns | None, values: Values, rows: int, axes: int) -> list[Sequence[Any]]:
-    """Return, for each of the fields `verdict` to `moving` of `AxisEstimate`, a flat list, row after row."""
+    """Return a list for each field of `AxisEstimate` that comes from a tracker (`verdict` to `moving`).
+
+    Each list holds all axes of the first row, then all axes of the second row, and so on.
+    """
     if tracked is None:
         nothing = (None, Interval(), Interval(), *[None] * 5, False)
         return [[one] * (rows * axes) for one in nothing]
@@ -149,7 +152,8 @@ COLUMNS = ("seq", "device_us", "host_ns", "gyro_dps", "accel_ms2", "temperature_
 class Block:
     """n consecutive samples of one epoch; each column has n rows.
 
-    `seq`, `device_us`: sample numbers and device times, both unwrapped (n,).
+    `seq`, `device_us`: sample numbers and device times (n,), which go on rising where the device's counters
+    restart at 0.
     `host_ns`: Unix times (n,).
     `gyro_dps`: rates (n, axes).
     `accel_ms2` (n, 3), `temperature_c` (n,), `flags` (n,): each is None if the device does not send it.
@@ -185,7 +189,7 @@ class Block:
 
     @property
     def weight_of_row(self) -> int:
-        """Number of records that outputs write for one of the rows in `due_rows`."""
+        """Number of records (sample, estimate, corrected rates) for each row in `due_rows`."""
         return 1 + bool(self.estimates) + (self.corrected_dps is not None)
 
     @property
@@ -214,9 +218,9 @@ class Block:
         return slice(-int(self.seq[0]) % every, None, every)
 
     def estimates_at(self, row: int, unit: str) -> dict[str, AxisEstimate]:
-        """Return the estimates after one sample, for the axes of the sensor whose samples are in `unit`.
+        """Return the estimates of one sensor's axes after one sample. `unit`: unit of this sensor's samples.
 
-        As long as only the tracker of these axes runs, the estimates by the paper's filters are empty.
+        The estimates by the paper's filters are empty as long as only the bias trackers run.
         """
         values = Values(slice(row, row + 1))
         tracked, own = _in_unit(self.tracked, unit), _in_unit(self.estimates, unit)
@@ -231,7 +235,7 @@ class Block:
         }
 
     def last_estimate(self) -> Estimate | None:
-        """Return the newest estimate for which a record is due; None if there is none."""
+        """Return the record of estimates for the last row in `due_rows`; None if there is none."""
         rows = self.due_rows
         return next(self.estimate_records(Values(slice(rows[-1], rows[-1] + 1))), None) if rows else None
 
@@ -245,7 +249,7 @@ class Block:
     ) -> Iterator[Sample | Estimate | Corrected]:
         """Yield the records of the rows for which records are written, in the order of the samples.
 
-        `values`: rows for which to yield records, in place of those that `every` selects.
+        `values`: chooses the rows. By default, these are the rows in `due_rows`.
         """
         values = values or Values(self.due(self.every))
         kinds: list[Iterator[Sample | Estimate | Corrected]] = []

@@ -11,8 +11,8 @@ samples. So each block of samples ends at the latest when a second ends.
 """
 
 END_OF_DATES_NS = 4_102_444_800 * SECOND_NS
-"""The year 2100 as Unix time [ns]. A later date means that the clock is not set. There is a limit since
-recordings can contain dates up to 2116 only.
+"""The year 2100 as Unix time [ns]. A later date is taken as a sign that the machine's clock is not set.
+Recordings cannot store dates after 2116, so some limit is needed.
 """
 
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)

@@ -26,10 +26,9 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The device's own fit of one axis, which compares white noise with only two other models."""
 
     verdict: DeviceVerdict
-    """`none`: the axis is constant or has too many gaps; `white`: white noise is not rejected at 5 %;
-    `fractional`: white noise is rejected, and the 2 log L of a relaxation (a first-order Gauss-Markov
-    process) is more than 6 below that of the fractional model; `relaxation`: white noise is rejected, and the
-    2 log L of a relaxation is not that far below.
+    """`none`: the axis is constant or has too many gaps. `white`: white noise is not rejected at 5 %.
+    `fractional`: white noise is rejected, and `ratio_relaxation` is more than 6. `relaxation`: white noise is
+    rejected, and `ratio_relaxation` is at most 6.
     """
     number: int
     """Number of fits of the axis since the device's start-up window, modulo 65,536."""
@@ -54,15 +53,16 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     bins_left_out: bool
     """Whether some of the lowest frequencies are missing, since the device's memory had no room for them."""
     ratio_white: float
-    """2 log L of the fractional model with orders up to 1, minus 2 log L of white noise."""
+    """2 log L (L: likelihood) of the fractional model with orders up to 1, minus that of white noise.
+    """
     ratio_relaxation: float
-    """2 log L of the fractional model minus 2 log L of a relaxation (a first-order Gauss-Markov process)."""
+    """2 log L of the fractional model, minus that of a relaxation (a first-order Gauss-Markov process)."""
     alpha: Interval = Interval()
     """Order α. The value is null for `none` and `white`. An end of the interval is null if the data do not
     determine this end.
     """
     f: Interval = Interval()
-    """Parameter f, without an interval, since the device sends none [s^-α]."""
+    """Parameter f [s^-α]. The ends of its interval are null, since the device does not send them."""
     s2: Interval = Interval()
     """Variance, for one sample, of the noise ω that drives the state; without an interval [(deg/s)²]."""
     R: Interval = Interval()
@@ -74,8 +74,8 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     host_verdict: VerdictKind | None = None
     """Verdict of the newest record `fit`; null before the first one."""
     spectrum: DeviceSpectrum | None = None
-    """The bins that were fitted; null in most records. The first fit and every tenth fit are published twice,
-    and the second record has the bins.
+    """The bins that were fitted; null in most records. For the first of every ten fits, a device also sends
+    the bins. They arrive after the fit, which is then published a second time, with its bins.
     """
     alpha_of_bins: float | None = None
     """Order α by this computer's fit of the bins in `spectrum`, in double precision; null without

@@ -66,8 +66,8 @@ class SourceFailed(FlteaError):
 def of_input(error: BaseException) -> FlteaError | None:
     """Convert an error that the user's command line or files caused to a `FlteaError`.
 
-    This function is for errors that no other code has explained to the user. Return None if the error has
-    another cause: it is then a fault of the program, which keeps its traceback.
+    Python raised the error, so its text does not yet tell the user what to do. Return None for errors of
+    other types: they are faults of the program, and the user gets their traceback.
     """
     kind: type[FlteaError] = UsageError
     happened = "the command line, or a file that it names, cannot be used"

@@ -70,7 +70,8 @@ class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """p-value of the test for white noise in the newest record `fit`."""
     whiteness: Whiteness | None
     """Result of the test for white noise. `not rejected`: α is undefined. `rejected`: `null_p` is below a
-    significance level that holds for all repeated fits together. Null if `null_p` is null.
+    significance level, which is far below 5 % since the test is repeated with each fit. Null if `null_p` is
+    null.
     """
     unit: str
     """`deg/s`; for axes of the accelerometer, which `--channels` names, `m/s^2`."""
