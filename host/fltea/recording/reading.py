@@ -94,14 +94,15 @@ def not_stated(
 def asked_with(where: str, first: Missing, known: Sequence[str], then: Callable[[], object]) -> NotStated:
     """Return the error that asks the user for the missing fact `first`, and for further missing facts.
 
-    `then`: function that raises `NotStated` if further facts are missing.
+    `then`: function that goes on as if `first` were known. It raises `NotStated` if further facts are
+    missing.
     """
     try:
         then()
     except NotStated as error:
         return not_stated(where, [first, *error.missing], known, error.table)
     except UsageError:
-        pass  # another error may disappear once the user states the fact `first`
+        pass  # an error of another kind may disappear once the user states `first`
     return not_stated(where, [first], known)
 
 

@@ -44,10 +44,10 @@ opcodes.
 def begins_record(file: BinaryIO, at: int, size: int) -> bool:
     """Return True if a record may begin at byte `at`, or if the file ends there; else False.
 
-    The length in a header takes eight bytes and must fit into the file, so other bytes rarely look like a
-    header. But the last bytes of a time, followed by a small number, may look like a header with an unknown
-    opcode. Therefore a header with an unknown opcode is accepted only if a record with a known opcode
-    follows.
+    A record may begin there if the bytes can be a header: an opcode, and a length that fits into the file.
+    Few other bytes look like this. One exception is the end of a time stamp, followed by a small number: it
+    may look like a header with an unknown opcode. So such a header is accepted only if a known opcode stands
+    where its record ends.
     """
     file.seek(at)
     head = file.read(HEAD.size)
@@ -63,7 +63,10 @@ def begins_record(file: BinaryIO, at: int, size: int) -> bool:
 
 
 class ChunkLength(NamedTuple):
-    """Two lengths of a chunk: the length in its header, and the length computed from its fields."""
+    """The length of a chunk, found in two ways.
+
+    `claimed`: the length that the chunk's header states. `by_fields`: the sum of the lengths of its fields.
+    """
 
     claimed: int
     by_fields: int
@@ -185,7 +188,7 @@ def _data_at(file: BinaryIO, begin: int, size: int) -> int | None:
         except OSError as error:
             if error.errno == errno.ENXIO:
                 return None
-            file.seek(at)  # the file system does not report holes
+            file.seek(at)  # this file system cannot say where the holes of a file are
         window = file.read(WINDOW_BYTES)
         if rest := window.lstrip(b"\0"):
             return at + len(window) - len(rest)

@@ -76,7 +76,7 @@ class _Topics:
     def take(self, item: Batch | Note) -> None:
         """Count a batch of messages.
 
-        Gather the samples in the batch if its messages are of the chosen topic.
+        If the batch is of the chosen topic, also collect the samples in its messages.
         """
         if isinstance(item, Note):
             self.notes.append(item)
@@ -128,7 +128,7 @@ def _quota(path: Path, limits: Limits) -> Quota:
     try:
         files = files_of(path) if path.is_dir() else [path]
         return Quota(path, limits, sum(file.stat().st_size for file in files))
-    except OSError:  # the error is reported when the file is opened later
+    except OSError:  # the bag is opened later, and this error is reported then
         return Quota(path, limits, 0)
 
 

@@ -11,7 +11,7 @@ from fltea.recording.sample_times import Floats
 from fltea.records.errors import NoNumbers, UsageError
 
 Place = Callable[[int], str]
-"""Function that returns the position of a row, by its number, for messages."""
+"""Function that takes the number of a row, and returns its position in words, for messages."""
 
 
 class RowCounts:
@@ -26,8 +26,8 @@ class RowCounts:
     def add(self, values: Floats, left_out: dict[str, tuple[int, int]]) -> None:
         """Count rows of the table.
 
-        `values`: numbers in these rows. `left_out`: for each reason, the first row left out, and their
-        number.
+        `values`: numbers in these rows. `left_out`: the rows that are no samples. The key is the reason; the
+        value is the number of the first row left out for it, and the count of such rows.
         """
         self._rows += len(values)
         self._some |= np.isfinite(values[:, : len(self._some)]).any(axis=0)

@@ -11,8 +11,8 @@ from fltea.recording.wanted import is_missing, is_number
 class RowKinds:
     """The kinds of rows in a text, and which of them is to be read.
 
-    `topic`: the kind, or the sensor, that the user names. `before`: the kinds at the previous header, if the
-    text has several headers.
+    `topic`: the kind, or the sensor, that the user names. `before`: the `RowKinds` of the rows above the
+    newest line of column names, if rows stand above it.
     """
 
     def __init__(self, text: TextSoFar, topic: str | None, before: "RowKinds | None" = None) -> None:
@@ -41,7 +41,7 @@ class RowKinds:
             return ""
         if (
             topic is not None and not {*topic} & {*"=/"} and topic not in fields
-        ):  # rows that begin with the sensor's name may come later
+        ):  # later rows may begin with the sensor's name
             return None
         if self._is_known(tag, kinds[tag]):
             return tag

@@ -1,4 +1,4 @@
-"""The layout of a text's rows: where each number stands, and why a line is no row of it."""
+"""The layout of a text's rows: where each number stands. Says why a line does not fit the layout."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -14,10 +14,10 @@ class Layout(NamedTuple):
 
     `separator`: text between two fields; None means white space. `parse`: function that returns the numbers
     in a line by name, for JSON objects and labelled lines; else None. `usual`: number of fields in the first
-    row.
-    `least`: fewest fields of a row. `most`: number of columns; fields after these hold no numbers to read.
-    `begin`: line number of the first row, from 1. `notes`: warnings for the user. `again`: the line of column
-    names and the line of units, which may be repeated later in the text.
+    row. `least`: a line with fewer fields is no row. `most`: number of columns; a row with numbers in more
+    fields is refused. `begin`: line number of the first row, from 1. `notes`: warnings for the user. `again`:
+    the line of column names, and the line of units. If such a line occurs again among the rows, it is
+    skipped.
     """
 
     chosen: Chosen
@@ -51,7 +51,7 @@ def layout_of(
 def why_too_many(fields: Sequence[str], columns: int) -> str:
     """Return why a row is refused if it has numbers in more fields than there are columns, else "".
 
-    The commas of such a row may be decimal commas.
+    Such a row may have decimal commas that were taken for separators, as in `1,5,2,5`.
     """
     if not any(map(is_number, fields[columns:])):
         return ""

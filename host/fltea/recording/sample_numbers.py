@@ -19,31 +19,29 @@ from fltea.recording.sample_times import (
 )
 
 LEAK, LEAK_OF_ROUNDED = 0.98, 0.998
-"""A step from one time to the next is a whole number of sampling periods, plus a remainder. The remainder is
-added to the next step. The rate has an error of up to 0.1 %, so the sum of the remainders would grow without
-end. Therefore the remainder is multiplied by LEAK at each step, or by LEAK_OF_ROUNDED if times are rounded.
+"""The step from one time to the next is a whole number of sampling periods, plus a remainder. The remainders
+are summed, and the sum is added to the next step before it is rounded. The sampling rate has an error of up
+to 0.1 %, so the sum would grow without end. Therefore it is multiplied at each step by LEAK, or by
+LEAK_OF_ROUNDED if the times are rounded.
 """
 
 FEW, STRETCH, FADED = 8, 256, 2048
-"""A step leads from one time to the next. Up to FEW steps are processed one by one. More steps are processed
-in stretches of STRETCH steps.
-
-The remainder of a step, by which it exceeds a whole number of periods, is added to the next step, multiplied
-by LEAK or LEAK_OF_ROUNDED at each step. After FADED steps it is negligible.
+"""Numbers of steps between times. FEW: up to this many steps are processed one by one. STRETCH: more steps
+are processed with numpy, this many at a time. FADED: after this many steps, a remainder is negligible,
+since it is multiplied by LEAK (or LEAK_OF_ROUNDED) at each step.
 """
 
 NO_DOUBT = 0.499
-"""A step's remainder, by which it exceeds a whole number of sampling periods, is added to the next step. If
-no sum of remainders exceeds this number of periods, it suffices to round each step to the nearest whole
-number of periods.
+"""A limit for the sum of remainders (see LEAK) [periods]. If the sum stays below it at all steps, then each
+step may be rounded by itself, which is faster and gives the same numbers.
 """
 
 DOUBT_OF_ROUNDED = 0.6
-"""If times are rounded, a sample counts as lost if the step between two times exceeds a whole number of
-sampling periods by more than this number of periods. If times are not rounded, the limit is 0.5.
+"""A step between two times is rounded up to one more period, and so to one more lost sample, if its remainder
+exceeds this number of periods. This holds for rounded times; for others, the limit is 0.5.
 
-The limit 0.5 would find false losses in rounded times: if they are multiples of 0.99 periods, a step may
-exceed a whole number of periods by about 0.5 although no sample is lost.
+The limit 0.5 would find false losses in rounded times. For example, times that are rounded to multiples of
+0.99 periods may give a remainder of about 0.5 although no sample is lost.
 """
 
 
@@ -52,8 +50,8 @@ class Numbered(NamedTuple):
 
     All other fields have one item for each sample.
 
-    `begins`: True for samples with which a new run of the sender begins. `elapsed`: strictly increasing times
-    of the samples.
+    `begins`: True for the first sample after a restart of the sender. `elapsed`: strictly increasing times of
+    the samples.
     """
 
     kept: Marks
@@ -81,8 +79,8 @@ class Numbering:
     def add(self, elapsed: Floats, begins: Marks) -> Numbered:
         """Number the samples in the next rows (at least one).
 
-        `elapsed`: times since the first row. `begins`: True for rows with which a new run of the sender
-        begins. `Elapsed.add` returns both.
+        `elapsed`: times since the first row. `begins`: True for the first row after a restart of the sender.
+        Both arguments are what `Elapsed.add` returns.
         """
         before = elapsed[0] - self._period if self._last is None else self._last
         steps = differences(elapsed, before)
@@ -121,7 +119,7 @@ class Numbering:
         return found
 
     def _of_stretch(self, periods: Floats, rounded: Ints) -> Ints:
-        # Each step may be rounded by itself if all remainders stay below half a period
+        # each step may be rounded by itself if all sums of remainders stay below half a period
         if len(periods) > FEW:
             weights = self._leak ** np.arange(1, len(periods) + 1)
             ahead = weights * (self._ahead + np.cumsum((periods - rounded) / weights))

@@ -22,7 +22,7 @@ from fltea.settings.limits import Limits
 
 
 class BadAccel:
-    """Counts samples whose acceleration is beyond what sensors give.
+    """Counts samples whose acceleration is missing, or beyond what sensors give.
 
     `first`: position of the first such sample in words, or None.
     """
@@ -32,7 +32,7 @@ class BadAccel:
         self.first: str | None = None
 
     def add(self, accel: Floats, place: Callable[[int], str]) -> None:
-        """Count the accelerations (n, 3) that are beyond what sensors give.
+        """Count the accelerations (n, 3) that are missing, or beyond what sensors give.
 
         `place`: as for `SampleStore.add`.
         """
@@ -49,9 +49,9 @@ class SampleStore:
 
     `spool`: the stored columns. These are `gyro` and `accel`, with numbers as in the file or scaled, and the
     columns that the caller of `add` names.
-    `plausible`: whether a gyroscope can have given the rates. `bad_accel`: count of the samples without a
-    usable acceleration, among all samples that were added. `moving`: which of the columns `gyro` and `accel`
-    had a value other than 0. `is_whole`: whether all rates are whole numbers.
+    `plausible`: checks whether a gyroscope can have given the rates. `bad_accel`: counts the samples whose
+    acceleration is missing or impossible. `moving`: those of the columns `gyro` and `accel` that had a value
+    other than 0. `is_whole`: whether all rates are whole numbers.
     """
 
     def __init__(self, chosen: Chosen, numbers: int, limits: Limits) -> None:
@@ -96,7 +96,10 @@ class SampleStore:
             self.spool.append(name, values)
 
     def keep(self, columns: Sequence[str], kept: Iterable[Marks]) -> None:
-        """Keep only the marked samples. `kept`: an array of marks for each block of `AT_ONCE` samples."""
+        """Keep only some samples, and of these only `columns`.
+
+        `kept`: for each block of `AT_ONCE` samples, an array that is True for the samples to keep.
+        """
         before, self.spool = self.spool, Spool()
         for values, keep in zip(before.blocks(columns, AT_ONCE), kept, strict=True):
             for name, column in zip(columns, values, strict=True):

@@ -74,9 +74,10 @@ LONGEST_GAP_S, LONGEST_GAP_PERIODS = 60.0, 10.0
 
 HOUR_S = 3600.0
 MINUTE_TURNS_S, NEAR_TURN_S = 39.0, 1.0
-"""Times of day written as hhmmss, and read as numbers, jump at the end of a minute, as from 95959.99 to
-100000.00. A step counts as such a jump if it is at least MINUTE_TURNS_S and the true step is at most
-NEAR_TURN_S [s].
+"""Limits for times of day written as hhmmss [s]. Read as numbers, such times jump at the end of each minute:
+095959 (9:59:59) is followed by 100000 (10:00:00), a step of 4041, although 1 s has passed. A step is taken
+for such a jump only if it is more than MINUTE_TURNS_S, the time before it is at most NEAR_TURN_S before the
+end of the minute, and the time after it less than NEAR_TURN_S after this end.
 """
 
 SAME_TIME = 4 * float(np.finfo(np.float64).eps)
@@ -90,8 +91,8 @@ SAME_RATE = 0.1
 class LocalTime:
     """Finds steps that only a clock of local time makes. `unit_s`: length of the unit of the times [s].
 
-    `of_day`: number of times that passed to the next minute, in times of day written as hhmmss. `hours`:
-    number of steps of one hour, to within a second, in either direction.
+    `of_day`: number of steps across the end of a minute in times of day written as hhmmss. `hours`: number of
+    steps of one hour (to within a second), forwards or backwards.
     """
 
     def __init__(self, unit_s: float) -> None:
@@ -99,10 +100,10 @@ class LocalTime:
         self._unit_s = unit_s
 
     def minutes(self, time: Floats, steps: Floats) -> Floats | None:
-        """Return what to add to the steps at which times written as hhmmss pass to the next minute, (n,).
+        """Return what to add to each step so that it is right in seconds, for times written as hhmmss (n,).
 
-        For example, the step from 95959 to 100000 is 41, but the true step is 1 s. Return None if there are
-        no such steps.
+        Only steps across the end of a minute need a correction: the step from 95959 to 100000 is 4041, but
+        one second has passed. Return None if there are no such steps.
         """
         turns = np.flatnonzero(np.abs(steps) * self._unit_s > MINUTE_TURNS_S)
         if not len(turns):
@@ -110,7 +111,7 @@ class LocalTime:
         off_s = np.abs(np.abs(steps[turns]) * self._unit_s - HOUR_S)
         self.hours += int((off_s < NEAR_TURN_S).sum())
         after_s, before_s = time[turns] * self._unit_s, (time[turns] - steps[turns]) * self._unit_s
-        # the true step is NaN if the number before or after it is no time of day
+        # NaN where the number before or after the step is no time of day
         real_s = (_of_day(after_s) - _of_day(before_s)) % DAY_S
         ends = (before_s % 100 >= 60 - NEAR_TURN_S) & (after_s % 100 < NEAR_TURN_S)
         is_turn = ends & (real_s > 0) & (real_s < 2 * NEAR_TURN_S)
@@ -121,10 +122,10 @@ class LocalTime:
 
 
 class _Restarts(NamedTuple):
-    """Where times restart at 0, in the unit of the times.
+    """Where times restart at 0. All fields are in the unit of the times.
 
-    `wrap`: value after which times restart. `longest`: longest step within a run. `second`: length of a
-    second if times may be only the fractions of a second, as they may in ms, µs and ns; otherwise 0.
+    `wrap`: value at which the times restart. `longest`: a longer step begins a new run. `second`: one second
+    in this unit; 0 if the unit is s. A column in ms, µs or ns may hold only the fractions of seconds.
     """
 
     wrap: float
@@ -132,11 +133,10 @@ class _Restarts(NamedTuple):
     second: float
 
     def at(self, latest: float) -> tuple[float, float]:
-        """Return the value at which times restart at 0, and the length of the longest step within a run.
+        """Return the value at which times restart at 0, and the longest step within a run.
 
-        Times that are only fractions of a second restart after 1 s.
-
-        `latest`: largest time so far.
+        `latest`: largest time so far. If it is below 1 s, the times are taken for fractions of seconds, which
+        restart after 1 s.
         """
         if self.second and latest < self.second:
             return self.second, self.second / 2
@@ -153,9 +153,9 @@ class Elapsed:
     of steps that no sensor's clock makes: steps backwards, and repeated times in rows with different values.
     `backwards`: number of steps backwards. `seconds`: number of times that restarted at a full second, as the
     fractions of seconds do. `first`: number of the first row whose time is not later than the
-    time of the row before, or None. `local`: steps that only a clock of local time makes.
-    `longest`: a step longer than this begins a new run, in the unit of the times; infinite if this unit is
-    unknown.
+    time of the row before, or None. `local`: finds the steps that only a clock of local time makes.
+    `longest`: a longer step than this begins a new run (in the unit of the times; infinite if this unit is
+    unknown).
     `unit_s`: length of the unit of the times [s].
     """
 
@@ -174,7 +174,7 @@ class Elapsed:
 
     @property
     def between(self) -> float:
-        """Difference between the latest and the earliest time of all rows, in the unit of the times."""
+        """Difference between the largest and the smallest time in the column, in the unit of the times."""
         return self._between[1] - self._between[0]
 
     @property
@@ -185,8 +185,9 @@ class Elapsed:
     def add(self, time: Floats, values: Floats, numbers: Ints | None = None) -> tuple[Floats, Marks]:
         """Return the times of the next rows since the first row (n,), and marks: True where a new run begins.
 
-        `values`: other numbers in the rows (n, columns), which show whether rows with equal times differ.
-        `numbers`: indices of the rows, for messages.
+        `values`: the other numbers in the rows (n, columns). They show whether a row only repeats the row
+        before it, or has another sample at the same time. `numbers`: numbers of the rows in the file, for
+        messages.
         """
         is_first = self._last is None
         last_time, last_elapsed, last_values = self._last or (float(time[0]), 0.0, values[0])
@@ -247,9 +248,9 @@ def differences(values: Floats, before: float) -> Floats:
 class ClockColumns(NamedTuple):
     """The columns that say the time of each row.
 
-    `time`: column of times, None if there is none; `unit`: unit of the times, None if unknown; `factor`: how
-    many of this unit a 1 in the column stands for. `fine`: column with fractions that are added to whole
-    seconds; `fine_s`: unit of this column [s].
+    `time`: column of times, None if there is none; `unit`: unit of the times, None if unknown; `factor`: the
+    numbers in the column are multiplied by this to be in that unit. `fine`: column with fractions that are
+    added to whole seconds; `fine_s`: unit of this column [s].
     """
 
     time: int | None = None
@@ -262,7 +263,7 @@ class ClockColumns(NamedTuple):
 class TimeColumn(NamedTuple):
     """A column of times. `unit`: unit of the times, None if unknown.
 
-    `ticks`: number of such units that a 1 in the column means.
+    `ticks`: how many of this unit a 1 in the column means (0.1 if the column counts tenths of it).
 
     `rate_hz`: sampling rate that the user or the file states; `is_given`: whether the user states it.
     `overrule`: whether the user's rate is used even if the times contradict it.
@@ -279,11 +280,11 @@ class TimeColumn(NamedTuple):
 
 
 def between(times: Floats, period: float) -> Marks:
-    """Mark surplus rows. A row is surplus if the samples before and after it are only one period apart.
+    """Mark surplus rows: a row is surplus if the rows before and after it are only one period apart.
 
-    `times`: elapsed times (n,) in the unit of `period`; repeated times are skipped. If one of two
-    neighbouring rows is surplus, but it is not clear which one, the row farther from the expected time of the
-    next sample is marked.
+    `times`: elapsed times (n,) in the unit of `period`. Rows that repeat a time are not marked. Two
+    neighbouring rows may both seem surplus. Then the one is marked whose time is farther from when a sample
+    is due, which is one period after the row before both.
     """
     marks = np.zeros(len(times), np.bool_)
     places = np.flatnonzero(np.diff(times, prepend=-math.inf) > 0)

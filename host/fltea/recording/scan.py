@@ -134,9 +134,9 @@ class Scan:
         self.lost_bytes = 0
         self.why = ""
         self._size = 0
-        # offset of the end of the last readable chunk, where a search for skipped chunks begins
+        # end of the last readable chunk; a search for chunks that a wrong length led past begins here
         self._known = 0
-        self._last = 0, 0  # offset of the newest record, and the length that its header states
+        self._last = 0, 0  # offset of the newest record, and its stated length
         self._spent_bytes = 0
         self._is_described = False
 
@@ -173,7 +173,7 @@ class Scan:
                     yield hole
                     yield from self._described(file)
                     continue
-                if kind == Opcode.DATA_END:  # after this record come only summary and indexes
+                if kind == Opcode.DATA_END:  # only summary and indexes follow
                     self.whole = _ends_with_magic(file, size)
                     at = size
                     break
@@ -185,9 +185,9 @@ class Scan:
     def _true_length(self, file: BinaryIO, at: int, kind: int, length: int) -> int | None:
         """Return the true length of a chunk or message index if its header states a wrong one, else None.
 
-        The length follows from the fields of the record. It is true if another record begins where this
-        length ends. Without this function, chunks could be lost unnoticed: with a wrong length, reading may
-        go on at a later record and skip the chunks before it.
+        The lengths of the fields of a record give the length of the record. If this differs from the length
+        in the header, and another record begins where it ends, the header is wrong. Without this function,
+        chunks could be lost unnoticed: a wrong length may lead to a later record, past the chunks between.
         """
         if kind == Opcode.CHUNK:
             found = chunk_length(file, at)
@@ -205,7 +205,7 @@ class Scan:
     def _hole(self, file: BinaryIO, at: int, kind: int, length: int) -> tuple[Damage | None, int]:
         """Return the damage at byte `at`, and the offset at which to continue reading.
 
-        The damage is None if nothing readable follows after byte `at`.
+        In place of the damage, return None if nothing readable follows after byte `at`.
         """
         room = self._size - at - HEAD.size
         self.why = (

@@ -1,9 +1,9 @@
 """Makes JSON schemas for the record channels of an MCAP file, which Foxglove and PlotJuggler can read.
 
-Foxglove's reader of JSON schemas accepts objects, lists and scalars. It does not accept references, nor
-alternatives such as "number or null". So each reference is replaced by the schema to which it refers. A field
-that is a number or null, for example, is declared as a number. If it is null in a message, it is left out of
-the message.
+Foxglove's reader of JSON schemas accepts objects, lists and scalars. It accepts neither references to other
+schemas nor alternatives such as "number or null". So each reference is replaced by the schema to which it
+refers. A field that is a number or null, for example, is declared as a number. If the field is null in a
+record, the message of this record lacks the field.
 """
 
 import functools
@@ -15,15 +15,13 @@ import msgspec
 from fltea.records.records import ACCEL_AXES, AXES
 
 NAMED = {"axes": AXES + ACCEL_AXES}
-"""The keys are fields of records. Each of these fields is an object that holds a value for each axis. The
-values are the names of the axes.
-
-The schema lists these names, since a program that plots a value has to offer them.
+"""Fields of records that hold one value for each axis, with the names of the axes. The schema lists these
+names, since a program that plots values has to offer them to its user.
 """
 
 NULL = re.compile(rb',"\w+":null|"\w+":null,?')
-"""Matches a field that is null in compact JSON. The expression never matches inside a text value, since
-quotation marks in text values are escaped.
+"""Matches a field that is null, in JSON without blanks. It never matches inside a text, since JSON escapes
+the quotation marks in texts.
 """
 
 _encode = msgspec.json.Encoder().encode
@@ -44,9 +42,9 @@ def encode_message(record: msgspec.Struct) -> bytes:
 
 
 def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any] | None:
-    """Return a JSON schema without references and alternatives.
+    """Return the same JSON schema without references, and without null as an alternative.
 
-    Return None if the value may have several types besides null.
+    Return None if several types remain as alternatives.
     """
     if "$ref" in schema:
         return _plain(definitions[schema["$ref"]], definitions)
@@ -59,9 +57,9 @@ def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any
         case "array":
             items = _plain(
                 schema["items"] or schema["prefixItems"][0], definitions
-            )  # in fltea's records, all items of a tuple have the same type
+            )  # the first item stands for all: in fltea's records, all items of a tuple have one type
             return None if items is None else {"type": "array", "items": items}
-        case None:  # only the schema of an enumeration of words states no type
+        case None:  # a schema without a type lists the words that the value may be
             words = [word for word in schema["enum"] if word is not None]
             return {"type": "string", "enum": words}
         case kind:

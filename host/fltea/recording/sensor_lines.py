@@ -46,7 +46,7 @@ class SensorLines:
         return self._sensor is not None
 
     def begin(self, chosen: Chosen, looked_at: int) -> None:
-        """Use the columns `chosen`, which were chosen after `looked_at` lines."""
+        """Use the columns `chosen`. `looked_at`: number of lines that were known when they were chosen."""
         if self._chosen is None:
             self._chosen = chosen
             more = max(FEWEST_LINES, GROWTH * looked_at)
@@ -75,7 +75,7 @@ class SensorLines:
         check_sensors(self._where, chosen, self._how, facts(chosen.names))
 
     def why_none(self) -> UsageError | None:
-        """Return the error to raise if no line was from the sensor that the user names; else None."""
+        """Return an error if lines were read, but none was from the chosen sensor; else None."""
         return None if self._sensor is None else self._sensor.why_none()
 
     def only(self, layout: Layout, data: bytes) -> bytes:

@@ -23,22 +23,21 @@ readable even if a channel's description is lost.
 """
 
 OVERFLOW = "overflow"
-"""Kind of a gap in a recording. The recorder caused the gap because it was too slow, and the lost items were
-not counted.
+"""One of the kinds of gaps in a recording: the recorder was too slow and lost items, and did not count them.
 """
 
 LATEST_NS = (1 << 62) - 1
 """Latest accepted time, in the year 2116 [ns]; sums and differences of such times fit into 64 bits."""
 
 Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
-"""A whole number that is read from a file. Its range is limited, since Python would accept a number with a
-million digits.
+"""A whole number in a file. Its size is limited, since a damaged file may hold a number with a million
+digits, which Python would read.
 """
 
 LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 1e-6, 1e7
 LOWEST_SCALE, HIGHEST_SCALE = 1e-6, 1e12
 """Limits for the sampling rate and for the scales in a HELLO message. The limits are far beyond the values of
-any sensor. Within these limits, all numbers that are computed from rate and scales are finite.
+any sensor. Rates and scales within them cause no overflow in later computations.
 """
 
 WIRE_WRAP = 1 << 32
@@ -83,7 +82,7 @@ def from_metadata(metadata: dict[str, str]) -> PartInfo:
     if "hello" in metadata:
         try:
             hello = msgspec.json.decode(metadata["hello"], type=Hello)
-        except RecursionError as error:  # RecursionError: the JSON text is nested too deeply
+        except RecursionError as error:  # msgspec raises RecursionError if the JSON text is nested too deeply
             raise ValueError("its hello is damaged") from error
         check_hello(hello)
     info = msgspec.convert({**metadata, "hello": hello}, PartInfo, strict=False)
@@ -93,7 +92,7 @@ def from_metadata(metadata: dict[str, str]) -> PartInfo:
 
 
 def check_hello(hello: Hello) -> None:
-    """Raise an error if no sensor can have sent this HELLO.
+    """Raise an error if a HELLO message holds numbers that no sensor can have sent.
 
     Raises:
         ValueError: no sensor has this rate or scale.

@@ -198,11 +198,11 @@ def _by_names(names: Sequence[str], how: How) -> How:
 
 
 def _choose(where: str, sheet: Sheet, how: How) -> tuple[Sheet, Chosen, How]:
-    """Return the columns that belong to one gyroscope, the choice among them, and the changed options.
+    """Return a table of one gyroscope's columns, the columns chosen among them, and the user's options.
 
-    If the user's option names the sensor, it is removed, since only the columns of this sensor are left. If
-    nothing names a column of times (neither an option nor the columns' names), the only column of dates is
-    entered as the option.
+    Two options may be changed. The sensor's name is removed, since only this sensor's columns are left. If
+    neither an option nor a column's name tells the column of times, and there is one column of dates, this
+    column becomes the option.
     """
     sheet = of_one_gyroscope(where, sheet, how)
     how = replace(how, topic=None) if sheet.topic else how
@@ -235,7 +235,7 @@ def _facts(where: str, sheet: Sheet) -> Facts:
 
 
 def _in_turn(rows: Iterator[Rows], chosen: Chosen) -> Iterator[Rows]:
-    """Yield the rows of the sensor to read, from a table in which the rows of several sensors alternate."""
+    """Yield the rows of the chosen sensor. `rows`: rows of several sensors, which alternate."""
     turns = Turns(*chosen.turn, chosen.time_at)
     for some in rows:
         yield from turns.take(some)
@@ -261,9 +261,9 @@ def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
 
 
 def _check_rate(where: str, sheet: Sheet, who: str, rate_hz: float | None, how: How) -> None:
-    """Raise UsageError if a sampling rate contradicts a sampling rate that the file states.
+    """Raise UsageError if `rate_hz` differs from a sampling rate that the file states.
 
-    `who`: source of the rate, for messages.
+    `who`: what gives `rate_hz`, for messages.
     """
     for name, stated_hz in sheet.rates.items() if not how.overrule else ():
         if rate_hz is not None and abs(rate_hz / stated_hz - 1) > RATE_TOLERANCE:
@@ -297,9 +297,9 @@ class _Gyroscope(NamedTuple):
     """The gyroscope's axes that are read.
 
     `places`: columns of the axes. `group`: path of the group that contains the sensor: `imu` for
-    `imu.gyro.x`. `others`: groups of other gyroscopes. `topic`: name of the group, if there are several
-    gyroscopes. `is_by_group`: whether the name of the group identified the axes. `is_of_dialect`: whether a
-    dialect identified the whole names of the axes.
+    `imu.gyro.x`. `others`: groups of other gyroscopes. `topic`: name of the group if the user names it, else
+    "". `is_by_group`: whether the axes were found by the names of groups. `is_of_dialect`: whether the file
+    is in a known dialect. The columns then keep their whole names.
     """
 
     places: Sequence[int] = ()
@@ -313,9 +313,9 @@ class _Gyroscope(NamedTuple):
 def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
     """Return a table of the columns that belong to the axes, with the sampling rate stated for the axes.
 
-    All columns are returned that are as long as the axes and belong to no other gyroscope. Columns in the
-    groups around the axes get short names: `imu.t` becomes `t`. An axis without numbers, or with another
-    length than the other axes, is returned too, so that the later error message can name it.
+    The table has all columns that are as long as the axes and belong to no other gyroscope. Columns in the
+    groups around the axes get short names: `imu.t` becomes `t`. An axis that is shorter or longer than the
+    other axes is kept, so that a later error message can name it.
 
     Raises:
         UsageError: several groups have a gyroscope, or several rates are stated for the same samples.
@@ -373,7 +373,7 @@ def _gyroscope(where: str, sheet: Sheet, how: How) -> _Gyroscope:
 
 
 def _rates_of(where: str, sheet: Sheet, found: _Gyroscope, how: How) -> Mapping[str, float]:
-    """Return the sampling rate stated for the arrays of the axes, or else for the nearest group."""
+    """Return the rate that the file states for the axes' arrays, or else for their innermost group."""
     arrays = {(sheet.arrays or sheet.names)[place] for place in found.places}
     rates = {name: rate_hz for name, rate_hz in sheet.rates.items() if name.rpartition("@")[0] in arrays}
     for level in (*around(sheet.names[found.places[0]]), ""):

@@ -32,7 +32,8 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
     The first block that is appended to a column determines the column's type and width.
 
     The temporary files are deleted when a `with` statement of the spool ends, or when no variable refers to
-    the spool any more. If `folder` is given, the files get names in this folder and are not deleted.
+    the spool any more. This does not hold if `folder` is given: the files are then in this folder, and stay
+    there.
     """
 
     def __init__(self, folder: Path | None = None) -> None:

@@ -28,8 +28,9 @@ from fltea.recording.timing import Timing, check_given, timing
 from fltea.settings.limits import Limits
 
 FEWEST_BETWEEN = 20
-"""Surplus rows (see `sample_times.between`) are left out only if a recording has at least this many of them.
-Fewer rows may only look surplus, because of the clock's jitter.
+"""Surplus rows are rows between two samples that are one sampling period apart (`sample_times.between`). They
+are left out only if a recording has at least this many. If there are fewer, the clock's jitter may cause
+them.
 """
 
 STEPS_AT_ONCE = 1 << 16
@@ -41,8 +42,8 @@ class Rows(NamedTuple):
     """Successive rows of a table.
 
     `numbers`: (n,) number of each row or line in the file, for messages. `values`: (n, columns), in the order
-    of `Chosen.places` and scaled by `Chosen.scale`; NaN: no number. `ordinal`: (n,) index of each row, from
-    0, in the sequence of all samples, including lost samples. `begins`: whether the sender restarted just
+    of `Chosen.places` and scaled by `Chosen.scale`; NaN: no number. `ordinal`: (n,) position of each row,
+    from 0, among all samples, lost ones included. `begins`: whether the sender restarted just
     before the first of these rows.
     """
 
@@ -153,7 +154,10 @@ class _Runs:
 
 
 class _Table:
-    """Collects the rows of a table. `place`: as for `gather`."""
+    """Collects the rows of a table.
+
+    `place`: function that returns the position of a row in words, for messages.
+    """
 
     def __init__(self, path: Path, chosen: Chosen, limits: Limits, place: Callable[[int], str]) -> None:
         self._path, self._chosen, self._place = path, chosen, place
@@ -211,7 +215,7 @@ class _Table:
         )
 
     def _drop_bad_accel(self) -> None:
-        """Leave the accelerometer out if a sample has no acceleration."""
+        """Leave the accelerometer out if the acceleration of even one sample is missing or impossible."""
         first = self._samples.bad_accel.first
         if first is not None:
             self._samples.spool.drop("accel")
@@ -220,7 +224,7 @@ class _Table:
             self._notes.append(Note("missing_numbers", text))
 
     def _count_between(self, period: float) -> int:
-        """Count the surplus rows between samples, and report them to the user. If there are few, return 0."""
+        """Return the number of surplus rows, and report them. If there are too few to leave out, return 0."""
         blocks = self._samples.spool.blocks(["time"], AT_ONCE)
         count = sum(int(between(times, period).sum()) for (times,) in blocks)
         if count < FEWEST_BETWEEN:
@@ -246,7 +250,7 @@ class _Table:
         chosen, spool, elapsed = self._chosen, self._samples.spool, self._elapsed
         by_headers = np.array(self._runs.by_headers, np.int64)
         if chosen.time is None:
-            # without a column of times there is a rate: `choose` requires a column of times or a rate
+            # `choose` has made sure that there is a rate if there is no column of times
             assert chosen.rate.hz is not None
             check_given(str(self._path), chosen.rate.hz, overrule=chosen.rate.overrule)
             return Timing(chosen.rate.hz, None), by_headers
@@ -281,9 +285,8 @@ def _blocks(
 ) -> Iterator[Recording]:
     """Yield blocks of the recording's samples.
 
-    `given`: whether the user gives the rate. If so, the samples' times are computed from sequence numbers and
-    rate.
-    `has_between`: whether surplus rows between two samples are left out.
+    `given`: whether the user gives the rate. If so, the time of a sample is its sequence number divided by
+    the rate. `has_between`: whether surplus rows are left out (see `FEWEST_BETWEEN`).
     """
     rate_hz, by_times = timing.rate_hz, timing.period is not None and "time" in spool
     columns = ["gyro", "time" if by_times else "row", *(["accel"] if "accel" in spool else [])]

@@ -27,8 +27,8 @@ fields.
 _WORDS = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\[\]]*\]|\([^()]*\)))?\S*")
 
 MOST_KINDS = 20
-"""Rows may begin with a word that tells the kind of the row. If rows begin with more different words than
-this, the words are not taken as kinds.
+"""Largest number of kinds of rows. The first word of a row may tell its kind, as in `GYRO,1,2,3`. If a text
+has more different first words than this, they are something else.
 """
 
 
@@ -109,18 +109,18 @@ _MAY_HAVE_THOUSANDS = re.compile(r"\d[.,]\d{3}[.,]\d")
 
 
 class Thousands:
-    """Finds numbers with signs between their thousands, as in `1.000.010`, in a growing list of lines."""
+    """Finds numbers whose thousands are set apart by signs, as in `1.000.010`, in a growing list of lines."""
 
     def __init__(self) -> None:
         self._seen = 0
         self._first: dict[int, str] = {}
 
     def check(self, where: str, lines: Sequence[str]) -> None:
-        """Check those of `lines` that were added since the last call.
+        """Check the lines that were added to `lines` since the last call.
 
         Raises:
-            UsageError: a column has different numbers with signs between their thousands, so that 53.456 in
-                this column may mean 53456.
+            UsageError: a column has two different numbers such as `1.000.010`. Then 53.456 in this column may
+                mean 53456.
         """
         for line in lines[self._seen :]:
             if not _MAY_HAVE_THOUSANDS.search(line) or is_comment(line):
@@ -192,8 +192,8 @@ def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag
 
     `tag`: first field of all lines, which tells their kind, or "".
 
-    The result is cached, since it is needed at each header, and a header may be repeated thousands of times
-    among the rows.
+    The result is cached: it is needed whenever a line of column names is read, and such a line may stand
+    among the rows thousands of times.
     """
     return _numbers(tuple(lines), tuple(names or ()), width, tag)
 
@@ -201,7 +201,7 @@ def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag
 def cells_of(
     lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str, place: int
 ) -> list[str]:
-    """Return the texts in one column of the rows that `sample_of` reads."""
+    """Return the fields of one column as texts. Lines, names, width and tag: as for `sample_of`."""
     found = (row[place] for row in _rows(tuple(lines), tuple(names or ()), width, tag))
     return [as_word(one) if isinstance(one, float) else "" if one is None else str(one) for one in found]
 

@@ -126,7 +126,7 @@ class YamlDocuments:
         self._rest = b""
 
     def feed(self, data: bytes) -> bytes:
-        """Return, as JSON objects, the YAML documents that end in `data`."""
+        """Take the next bytes of the text. Return each YAML document that ends in them as a JSON object."""
         lines = (self._rest + data).split(b"\n")
         self._rest = lines.pop()[:LONGEST_LINE]
         return b"".join(map(self._take, lines))

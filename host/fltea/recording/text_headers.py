@@ -27,12 +27,12 @@ class Headers:
     """The headers of a text so far. `where`: file, for messages.
 
     `head`: lines that describe the rows, but do not stand in this text (in another sheet of a workbook).
-    `sample`: the first lines of the text, which show what the columns hold. `finder`: examines the lines
-    after the newest header.
+    `sample`: the first lines of the text, which show what the columns hold. `finder`: finds the first row
+    below the newest header.
     `chosen`: the columns that are read. None until a line determines the columns, and unchanged afterwards.
     `layouts`: for each header, the layout of the rows below it, or None if its columns do not fit those of
     the first header.
-    `checks`: number of further lines in this block that may be examined.
+    `checks`: how many more lines of this block may be examined to find out whether they are headers.
     `others`: leaves out the rows below names of other columns.
     """
 
@@ -47,7 +47,7 @@ class Headers:
         self._begin = 0
 
     def begin_block(self, data: bytes) -> None:
-        """Begin a block of lines; keep its lines if they are among the first of the text."""
+        """Begin the next part of the text. If it is near the beginning, keep its lines in `sample`."""
         self.checks = MOST_CHECKS
         if len(self.sample) < SAMPLE_LINES:
             lines = decoded(data[:SAMPLE_BYTES]).split("\n")
@@ -79,7 +79,11 @@ class Headers:
         self.finder = LayoutFinder(self._where, self._how, lambda: self.sample, self.finder)
 
     def is_as_before(self, chosen: Chosen) -> bool:
-        """Return whether a new header has columns of the same kinds as the header before it."""
+        """Return whether the columns below a new header fit those below the first header.
+
+        They fit if gyroscope and accelerometer have as many axes as before, the counts in 1 deg/s are the
+        same, and the times have the same unit.
+        """
 
         def kind(of: Chosen) -> tuple[object, ...]:
             return len(of.gyro), of.unit.lsb, of.time is None, of.clock.unit, len(of.accel)
@@ -95,6 +99,6 @@ class Headers:
             self.layouts[layout.again[0]] = layout
 
     def refuse(self, layout: Layout) -> None:
-        """Leave the rows below a header out, since its columns do not fit those of the first header."""
+        """Leave out the rows of a layout, since its columns do not fit those below the first header."""
         self.layouts.update(dict.fromkeys(layout.again[:1]))
         self.look_for_next()

@@ -1,7 +1,7 @@
 """Reads lines that name each number: JSON objects, and numbers with labels, as boards print them.
 
-`gx:1.2,gy:3.4` has a label for each number; `Gyro X: 1.2 Y: 3.4 Z: 5.6 rad/s` has a group and one unit;
-`Gyr (DPS) [ 0.1, 0.2, 0.3 ]` has one label for three numbers.
+`gx:1.2,gy:3.4` has a label for each number. `Gyro X: 1.2 Y: 3.4 Z: 5.6 rad/s` has one word (the group) before
+the labels, and one unit behind the numbers. `Gyr (DPS) [ 0.1, 0.2, 0.3 ]` has one label for three numbers.
 """
 
 import re
@@ -122,7 +122,7 @@ def labelled(line: str) -> Labelled | None:
             text = text.rpartition("(")[2]
         before = _GROUP_BEFORE.search(line[max(end, start - LONGEST_LABEL) : start])
         words = text.split() or [""]
-        # the text that looked like a label is the unit of the previous number
+        # in "X: 1.2 rad/s Y: 3.4", the label found for 3.4 begins with the unit of 1.2
         while members and len(words) > 1 and is_unit(words[0]):
             units.update(dict.fromkeys(members, words.pop(0)))
         unit = ""

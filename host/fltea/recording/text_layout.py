@@ -48,7 +48,8 @@ ONE_WITH_UNIT = re.compile(r"[^\[\]()]+[\[(][^\[\]()]*[\])]")
 class _Names(NamedTuple):
     """Names of columns that were found in a line.
 
-    `is_loose`: whether other words, or parts of names with blanks, may be among the names.
+    `is_loose`: whether some of `names` may be no names of columns: blanks separate them and so may split a
+    name, or they stand in a comment.
     """
 
     names: list[str]
@@ -60,8 +61,8 @@ class _Names(NamedTuple):
 class _Header:
     """Names of columns, with the line that holds the names (`text`) and the number of this line (`line`).
 
-    `units`: units of the columns, if the next line has them. `chosen`: the columns to read, None until the
-    line after these lines has shown the number of fields.
+    `units`: units of the columns, if the line below holds them. `chosen`: the columns to read; None until the
+    line below the header has been read, since it shows the number of fields.
     """
 
     line: int
@@ -76,10 +77,10 @@ class _Header:
 class LayoutFinder:
     """Examines lines one after the other until a line is a row.
 
-    `where`: file, for messages. `how`: the user's options. `sample`: function that returns those of the first
-    lines of the text that have been read so far.
-    `before`: finder of the previous header, if the text has several headers.
-    `head`: lines from elsewhere that describe the rows.
+    `where`: file, for messages. `how`: the user's options. `sample`: function that returns the first lines of
+    the text, as far as they are known.
+    `before`: the finder that found the rows above these lines, if there are such rows.
+    `head`: lines that describe the rows, but do not stand in this text (in another sheet of a workbook).
     `text`: what is known of the text so far.
     `is_other`: whether the newest line is neither empty, nor a comment, nor a part of a header.
 
@@ -154,8 +155,8 @@ class LayoutFinder:
             text = text.removeprefix(mark) if len(mark) > 1 else text.lstrip(mark)
         if any(mark in text for mark in "\t;,"):
             separators = [separator for separator in SEPARATORS if separator is None or separator in text]
-        # With the separator "\n", which occurs in no line, the whole line is one name that contains blanks.
-        # This is tried first if the line ends in a unit.
+        # Blanks may separate names, or stand within a name. With the separator "\n", which occurs in no line,
+        # the whole line is one name. This is tried first if the line ends in a unit: `rate z [deg/s]`.
         else:
             separators = ["\n", None] if ONE_WITH_UNIT.fullmatch(text) else [None, "\n"]
         for separator in separators:
@@ -281,9 +282,10 @@ def _fit(header: _Names, row: str) -> bool:
 
 
 def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Chosen, str]:
-    """Drop the column of times from the choice if it holds words and the user did not name it.
+    """Return the chosen columns without the column of times, if this column cannot be used; and a warning.
 
-    Return the choice, and a warning if the column was dropped.
+    This is so if it holds words, the user did not name it, and the user gives the sampling rate. Otherwise,
+    return the chosen columns, and no warning ("").
     """
     if (
         chosen.time is None

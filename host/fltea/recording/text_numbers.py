@@ -49,7 +49,7 @@ REASONS = {
 """Reasons why a line holds no sample. The keys are the same as those of the counts in `link.bad_frames`. The
 values say to the user what is wrong with the line.
 
-The module `table` finds the last three reasons, when it turns rows into samples.
+The last three apply to rows: the module `table` finds them when it turns rows into samples.
 """
 
 WhyNot = tuple[str, str]
@@ -61,10 +61,11 @@ line.
 class Plain(NamedTuple):
     """Result of reading lines up to the first line that is no plain row.
 
-    `next`: offset of the line that is no plain row; beyond the end of the data if there is no such line.
-    `passed`: number of lines before that line. `rows`: (n,) indices of the rows among these lines; the other
-    lines are blank or comments. `values`: (n, columns), numbers in the rows. `goes_on`: whether only a part
-    of the data was read so far, and all lines in this part were plain.
+    A plain row is a line that holds numbers only. `next`: offset in the data of the line at which reading
+    stopped; beyond the end of the data if all lines were read. `passed`: number of lines before that line.
+    `rows`: (n,) indices of the rows among the passed lines; the others are blank or comments. `values`: (n,
+    columns), numbers in the rows. `goes_on`: whether reading stopped only since it is done in pieces, so that
+    plain rows may follow at `next`.
     """
 
     next: int
@@ -88,17 +89,17 @@ class RowParser:
         self._left_out: dict[bytes, WhyNot] = {}
 
     def plain(self, data: bytes, begin: int = 0) -> Plain:
-        """Read the lines from byte `begin` on, up to the first line that is no plain row.
+        """Read lines from byte `begin` on, up to the first line that does not hold numbers only.
 
-        The last line in `data` has no line feed.
+        `data`: whole lines, without a line feed after the last one.
         """
         layout = self.layout
         if layout.parse is not None:
             return self._plain_named(data, begin)
         form = layout.separator or "\0", layout.least, layout.most, layout.chosen.places
         stop = end_of_line(data, begin + self._window) if begin + self._window < len(data) else len(data)
-        # plain_rows reserves memory for all lines of `part`, and stops at the first line that is no plain
-        # row. So `part` is short if the last parts had few plain rows.
+        # plain_rows reserves memory for all lines of `part`, but stops at the first line that is no plain
+        # row. So where plain rows are few, a long `part` would waste time, and `self._window` makes it short.
         part = data[begin:stop]
         after, passed, decimal, rows, values = plain_rows(part, 0, *form, self._decimal or "\0")
         self._decimal = decimal.strip("\0")
@@ -107,11 +108,14 @@ class RowParser:
         return Plain(begin + after, passed, rows, values, goes_on and stop < len(data))
 
     def left_out(self, line: bytes) -> WhyNot | None:
-        """Return why the same line was left out earlier; None if it has not been left out yet."""
+        """Return why an earlier line with the same text was left out; None if there was no such line."""
         return self._left_out.get(line)
 
     def leave_out(self, line: bytes, why: WhyNot) -> None:
-        """Remember why a line holds no sample. This must not be called for a line that names columns."""
+        """Remember why a line holds no sample.
+
+        Not to be called for a line that names columns, since such a line is examined each time.
+        """
         if len(self._left_out) < MOST_LEFT_OUT:
             self._left_out[line] = why
 
@@ -171,7 +175,7 @@ class RowParser:
             return "number", why
         fields += [""] * (
             max(layout.chosen.places) + 1 - len(fields)
-        )  # a row may end before the fields of the accelerometer
+        )  # a row may end before the accelerometer's fields, which then count as empty
         chosen = [fields[place].strip().strip('"').strip() for place in layout.chosen.places]
         if layout.separator != ",":
             self._note_decimal(chosen[: len(layout.chosen.needed)])
@@ -213,8 +217,8 @@ def _of_named(
     chosen = layout.chosen
     names = chosen.read[: len(chosen.needed)]
     if lacking := [name for name in names if name not in found]:
-        # a line without any needed label is skipped without a warning, since boards write other quantities on
-        # separate lines
+        # a line with none of the labels to read is skipped without a warning: boards write other quantities,
+        # such as a temperature, on lines of their own
         if parse is values_in:
             return (
                 None if len(lacking) == len(names) else ("fields", f"has no number for {shown(lacking[0])}.")

@@ -38,9 +38,10 @@ NamesAbove = tuple[int | None, list[str] | None, list[str] | None]
 def refusal(
     where: str, how: How, lines: Sequence[str], kinds: Mapping[str, int], facts: FactsOf
 ) -> UsageError:
-    """Return the error that tells the user why none of a text's first lines is a row.
+    """Return the error that tells the user why no row of a text can be read.
 
-    `kinds`: the key is the first field of the rows of one kind, and the value is their number of fields.
+    `lines`: first lines of the text. `kinds`: the first fields that tell the kind of a row, each with the
+    number of fields of such a row. `facts`: function that returns what is known of the file.
     """
     wanted = wanted_of(how)
     has_numbers = any(is_number(field) for line in lines for field in bare_fields(line))
@@ -68,7 +69,7 @@ def refusal(
 def _choose_row(
     where: str, how: How, row: str, lines: Sequence[str], kinds: Mapping[str, int], facts: FactsOf
 ) -> None:
-    """Choose the columns of a row in order to raise the error that asks the user for the missing facts."""
+    """Try to choose the columns of `row`, and so raise the error that asks for the missing facts."""
     fields = split(row, separator_of(row))
     if len(kinds) > 1 and fields[0] in kinds and how.topic is None:
         raise _which_rows(where, how, lines, kinds)

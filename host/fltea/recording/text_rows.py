@@ -73,7 +73,7 @@ class TextReader:
     def layout(self) -> Layout | None:
         """Layout by which rows are read.
 
-        The layout is None until a line determines it, and while another header is examined.
+        It is None while it is unknown: before the first row, and from a new header to the first row below it.
         """
         return None if self._parser is None else self._parser.layout
 
@@ -95,7 +95,7 @@ class TextReader:
     def resume(self, *, within_line: bool) -> None:
         """Continue after the connection to the sender was lost and made again.
 
-        `within_line`: whether the next bytes may be the end of a line.
+        `within_line`: whether the next bytes may begin within a line, whose rest is then dropped.
         """
         self._buffer.resume(within_line=within_line)
 
@@ -136,10 +136,7 @@ class TextReader:
         return self._sensors.in_turn(self._feed(self._buffer.feed(data)))
 
     def _feed(self, whole: bytes | None) -> list[Rows]:
-        """Read the lines in `whole`, if it is not None.
-
-        If the line that has not ended yet is too long, count it.
-        """
+        """Read whole lines, if there are any. Drop and count a line that gets too long before it ends."""
         found = [] if whole is None else self._take(whole)
         if self._buffer.drops_too_long():
             self.lines += 1
@@ -252,16 +249,19 @@ class TextReader:
         return self._go_on(layout)
 
     def _go_on(self, layout: Layout) -> RowParser:
-        """Read the following rows by `layout`."""
+        """Read the next rows by `layout`. Return the parser that does this."""
         self._sensors.begin(layout.chosen, len(self._headers.sample))
         self._parser = RowParser(layout)
         return self._parser
 
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
-        """Read rows up to another header; return the header's offset, or None if the data end first."""
+        """Read rows from byte `begin` on, up to a line with new names of columns.
+
+        Return the offset of this line, or None if there is no such line in `data`.
+        """
         headers = self._headers
         is_plain = is_first = (
-            True  # after two lines without a row, lines are read one by one until a row appears
+            True  # becomes False after two lines that are no rows; lines are then read one by one until a row
         )
         while begin <= len(data):
             if is_plain:
@@ -302,14 +302,17 @@ class TextReader:
         return None
 
     def _leave_out(self, why: WhyNot) -> None:
-        """Count a line without a sample. If it was meant as a sample, skip a sequence number."""
+        """Count a line without a sample. If it was meant as a sample, let one sequence number be missing."""
         if why[0] not in ("text", "columns"):
             self._numbers.lose()
         self.lines += 1
         self.bad.add(self.lines, *why)
 
     def _names_again(self, parser: RowParser, line: str, data: bytes, begin: int, end: int) -> RowParser:
-        """Handle a line of column names or units that occurs again; return the parser for the next rows."""
+        """Handle a line of column names, or of units, that has occurred before.
+
+        Return the parser for the rows below it. It is a new parser if the line names other columns.
+        """
         known = self._headers.layouts.get(line)
         if known is not None:
             self._headers.others.ended(self.lines + 1)

@@ -1,4 +1,4 @@
-"""Collects what is known of a text while its lines are examined one by one."""
+"""Collects the facts that the lines of a text show before its first row, such as units and rate."""
 
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -14,8 +14,8 @@ MOST_BEFORE = 200
 class TextSoFar:
     """The lines of a text that have been read so far.
 
-    `where`: file, for messages. `sample`: function that returns the first lines of the text. `before`: what
-    was known at the previous header, if the text has several headers.
+    `where`: file, for messages. `sample`: function that returns the first lines of the text. `before`: the
+    `TextSoFar` of the rows above these lines, if there are such rows.
     `head`: lines that are no rows, at most `MOST_BEFORE`. `newest`: the line that is examined.
     """
 
@@ -41,7 +41,7 @@ class TextSoFar:
         self._thousands.check(self.where, lines)
 
     def facts(self, names: Sequence[str] | None, width: int = 0, tag: str = "") -> Facts:
-        """Return everything that is known of the file, except the names of its columns.
+        """Return what is known of the file, to choose columns and their units by.
 
         `tag`: first field of the rows to read, if there are several kinds of rows.
         """

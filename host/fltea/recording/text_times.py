@@ -53,8 +53,8 @@ _DECIMAL_COMMAS = re.compile(r"[;\t][-+ ]*\d+,\d")
 _ARROW = re.compile(r"^(\d+(?:[.,]\d+)?) -> ?([^\n]*)", re.M)
 
 _LAST = re.compile(r"^[^\n]*?(\d\d?:\d\d?:\d\d?)([.:])(\d+)(?![\d:])", re.M)
-"""Matches the first time of day in a line. The groups are the time to whole seconds, the sign after it, and
-the digits after this sign.
+"""Matches the first time of day in a line. The three groups are, for `9:46:40.5`: `9:46:40`, the sign `.` (or
+`:`) after it, and the digits `5`.
 """
 
 _ENOUGH = 1 << 14
@@ -64,10 +64,12 @@ _ENOUGH = 1 << 14
 class Clocks:
     """Converts the times of one text to seconds, a block of whole lines at a time.
 
-    Digits after the seconds are a fraction, unless they turn out to be milliseconds without leading zeros:
-    the SDK of WitMotion writes 5 ms as `9:46:40.5`. Digits after a third colon, as WitMotion's programs write
-    them, are milliseconds. If there are always two digits after the third colon, they may be the number of a
-    film's frame, and do not count as milliseconds.
+    What follows the seconds can mean three things:
+    - Digits after a point are a fraction. But WitMotion's SDK writes 5 ms as `9:46:40.5`: milliseconds
+      without leading zeros. `_examine` finds out whether a text is written so.
+    - Digits after a third colon are milliseconds; WitMotion's programs write them.
+    - But if there are always two digits after the third colon, they may be the number of a film's frame. Such
+      times are not converted.
     """
 
     def __init__(self) -> None:
@@ -104,10 +106,10 @@ class Clocks:
     def _examine(self, text: str) -> None:
         """Find out how the text writes fractions of seconds.
 
-        Milliseconds without leading zeros have one to three digits and never begin with a zero, as in 1.5,
-        1.10, 1.15. If these digits were read as fractions, they would end in zeros or decrease within a
-        second. If true fractions have different lengths, they never end in zeros, since programs that write
-        such fractions drop final zeros.
+        Milliseconds without leading zeros have one to three digits, and do not begin with a zero: 1.5, 1.10
+        and 1.15 are 5, 10 and 15 ms after 1 s. Two signs show that digits of different lengths are no
+        fractions. They end in zeros, which a program that writes shortened fractions would drop. Or they
+        decrease within a second when read as fractions, as from 0.5 to 0.10.
         """
         for clock, sign, digits in _LAST.findall(text):
             if sign == ":":
@@ -125,9 +127,10 @@ class Clocks:
                 self._last = clock, digits
 
     def _seconds(self, found: re.Match[str], before: str, mark: str) -> tuple[int, str] | None:
-        """Return where in `before` the time begins, and the time in seconds; None if there is no time.
+        """Return the index in `before` at which a time begins, and the time in seconds; None if it is none.
 
-        `before`: the text before the match `found`, with the hour, and maybe a date, at its end.
+        `found`: match of `_CLOCK`, from the first colon of the time on. `before`: text before this match,
+        which ends in the hour. A date may stand before the hour.
         """
         m, s, sign, digits, behind_comma, half, zone, _, fraction = found.groups()
         if s is None:
@@ -190,8 +193,9 @@ class _DayMonth:
 
     A number above 12 shows the order. Otherwise the next different date shows the order, since successive
     dates are near each other. Until the order is known, the month is assumed to stand first. If this turns
-    out to be wrong, all later dates are shifted, so that they follow on the earlier dates, which were read in
-    the wrong order. The shift does no harm, since only steps between dates are used.
+    out to be wrong, the earlier dates were read wrongly. Then all later dates are shifted by a constant
+    number of days, so that no false gap comes between. The shift does no harm, since only steps between dates
+    are used.
     """
 
     def __init__(self) -> None:
@@ -202,8 +206,8 @@ class _DayMonth:
     def days(self, month_first: int | None, day_first: int | None) -> int | None:
         """Return the number of days from 1970 to a date, or None if there is no such date.
 
-        `month_first`: the number of days if the date's text begins with the month. `day_first`: the number if
-        it begins with the day. None: there is no such date.
+        `month_first`: number of days if the month stands before the day in the text. `day_first`: number of
+        days if the day stands before the month. Each is None if there is no such date, as for month 13.
         """
         newest = self._newest
         if self._is_day_first is None and (month_first is None or day_first is None):
@@ -268,10 +272,10 @@ def _day(year: str, month: str, day: str) -> int | None:
 
 
 def _before_line(found: re.Match[str]) -> str:
-    """Return a line that follows after a time and an arrow. The time becomes one more column of the line.
+    """Return a line from Arduino's monitor, which writes `TIME -> LINE`, with the time as its first column.
 
-    The time is written in the same form as the line's other columns: as a number, or as a number with a
-    label. In a line of names, the name `time` is added.
+    The time gets the form of the other columns: a number, or `time=` and a number if they have labels. A line
+    of column names gets the name `time`.
     """
     seconds, line = found[1], found[2]
     if re.match(r'\s*[-+\d.,"]', line):

@@ -33,8 +33,9 @@ likely mistakes.
 """
 
 LIKE_MEAN = 1.5
-"""If times are uneven, the user's rate and the mean rate of the times may differ by at most this factor, in
-either direction.
+"""If the steps between times are uneven, the mean rate may be at most this many times the rate that the user
+gives. In the other direction, this limit holds only if many rows repeat a time. Otherwise the user's rate may
+be far higher than the mean rate, since samples may be lost.
 """
 
 
@@ -44,7 +45,8 @@ class Timing(NamedTuple):
     `period`: sampling period in the unit of the column of times. None if rows are numbered by their order
     instead of by times. `unit_s`: length of the column's unit [s].
     `warning`: warning for the user, or "". `answers`: what was found out about rate and clock, with its
-    evidence. `is_rounded`: whether the times are rounded to a large part of the period.
+    evidence. `is_rounded`: whether the times are rounded coarsely compared with the period: 2.5 ms to whole
+    milliseconds, for example.
     """
 
     rate_hz: float
@@ -64,8 +66,9 @@ def timing(
 ) -> Timing:
     """Return the sampling rate of a table's rows, and how the rows are numbered.
 
-    `where`: file, for messages. `elapsed`: converter of the times from which `clock` was measured. `place`:
-    function that returns the position of a row in words, for messages.
+    `where`: file, for messages. `clock`: what the steps between times show; None if there is only one time.
+    `elapsed`: has converted these times, and counted what is odd. `place`: function that returns the position
+    of a row in words, for messages.
 
     Raises:
         UsageError: no rate is given and none follows from the times, or the rate by the times contradicts the
@@ -196,10 +199,7 @@ def _are_turns(rows: float) -> bool:
 
 
 def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
-    """Return the error for times that occur in `count` rows each.
-
-    The error asks whether there are `count` sensors.
-    """
+    """Return the error that asks if `count` sensors take turns, since each time stands in `count` rows."""
     what = f"whether {count} sensors take turns, or the clock is coarser than the samples"
     table = [
         f"Each time in '{name}' stands {count} times{at}:",
@@ -210,10 +210,7 @@ def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
 
 
 def _mean(column: TimeColumn, rate_hz: float) -> str:
-    """Return a remark for the user on the mean rate of uneven times.
-
-    The remark says that the sampling rate may be another one.
-    """
+    """Return a remark for the user: the mean rate of uneven times, which is too low if rows are missing."""
     if column.unit is None and not _is_within(PLAUSIBLE_HZ, rate_hz):
         return "the times tell no rate"
     return f"in the mean these times give {rate_hz:.4g} Hz, which is wrong if rows are missing"

@@ -9,9 +9,8 @@ from fltea.recording.sample_times import SAME_TIME, Floats, Ints, Marks
 from fltea.recording.table import Rows, joined
 
 MEASURED_ROUNDS, STEADY = 8, 0.2
-"""A round is one row of each sensor. The steps of time from one sensor's row to the next sensor's row are
-measured in the first MEASURED_ROUNDS rounds. Later steps are steady if they differ from the measured steps
-by at most the fraction STEADY of the shortest measured step.
+"""A round is one row of each sensor. The first MEASURED_ROUNDS rounds show the steps of time between the rows
+of a round. If all later steps differ from them by at most STEADY times the shortest step, no row is missing.
 """
 
 
@@ -70,7 +69,7 @@ class Turns:
             ours = self._turn_of(time) == self._which
         else:
             edges = np.flatnonzero(~same) + 1
-            if not is_last:  # further rows with the same time as the last row may come in the next block
+            if not is_last:  # more rows with the last time may follow
                 end = int(edges[-1]) if len(edges) else 0
                 self._held = [Rows(numbers[end:], values[end:], ordinal[end:], begins and not end)]
                 numbers, values, edges = numbers[:end], values[:end], edges[:-1]
@@ -79,11 +78,10 @@ class Turns:
         return _some(numbers[ours], values[ours], np.arange(first, self._ordinal), begins)
 
     def _of_groups(self, rows: int, edges: Ints) -> Marks:
-        """Mark the row of the sensor to read in each group of rows with equal times.
+        """Mark the rows of the sensor to read. A group of rows with equal times has one row of each sensor.
 
-        Incomplete groups get no mark.
-
-        Groups begin at row 0 and at `edges`.
+        `rows`: number of rows. `edges`: rows, other than row 0, at which a group begins. A group gets no mark
+        if a row is missing in it. It may hold several complete rounds of the sensors.
         """
         ours = np.zeros(rows, np.bool_)
         begin = np.concatenate([[0], edges])
@@ -94,10 +92,10 @@ class Turns:
         return ours
 
     def _turn_of(self, time: Floats) -> Ints:
-        """Return for each row the index of its sensor. The steps between the rows' times show the sensor."""
+        """Return for each row the index of its sensor, which follows from the steps between times."""
         if self._steps is None:
-            # A round is one row of each sensor. For each step in a round, the median is taken over few rounds
-            # only: if a row is missing, all later rounds would be shifted by one row.
+            # A round is one row of each sensor. For each step of a round, the median over a few rounds is
+            # taken. These are few since, after a missing row, each step stands in the place of another.
             rounds = min(len(time[1:]) // self._count, MEASURED_ROUNDS)
             steps = np.diff(time[: 1 + rounds * self._count])
             self._steps = np.nanmedian(steps.reshape(-1, self._count), axis=0)

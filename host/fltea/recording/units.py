@@ -148,7 +148,7 @@ def _rate(text: str) -> str | None:
 
 
 def parse_units(text: str) -> tuple[float, float | None]:
-    """Return the size of a unit [deg/s], and None. For counts, return 1, and the number of counts in 1 deg/s.
+    """Return a factor that converts numbers to deg/s, and None. For counts: 1, and the counts in 1 deg/s.
 
     Raises:
         UsageError: the unit is unknown.
@@ -242,7 +242,11 @@ def _angle(word: str) -> str | None:
 
 
 def _counts(option: str, text: str, known: str) -> float:
-    """Return the number N from a unit of the form `lsb:N`."""
+    """Return N from a unit `lsb:N`: the number of counts in 1 deg/s or 1 g.
+
+    Raises:
+        UsageError: the unit has another form.
+    """
     try:
         lsb = float(text.strip().lower().removeprefix("lsb:")) if ":" in text else math.nan
     except ValueError:

@@ -67,8 +67,8 @@ class Wanted(NamedTuple):
     def is_at(self, fields: Sequence[str]) -> bool:
         """Return whether a line in a text without a header is a row.
 
-        If the user gives positions of columns, numbers have to stand at these positions. If the user gives
-        only names of axes, the line must consist of as many numbers as there are names.
+        If the user gives positions of columns, numbers (or words for missing numbers) have to stand there. If
+        the user gives names of axes and no column of times, the line must be one number for each name.
         """
         if self.by_position:
             found = [fields[p - 1] for p in map(int, self.names) if p <= len(fields)]
@@ -81,7 +81,7 @@ class Wanted(NamedTuple):
         return self.time is None and alike and all(map(is_number, fields))
 
     def lacking(self, header: Sequence[str] | None) -> str:
-        """Return a text that says which of the user's columns a header lacks; None if there is no header."""
+        """Return a text: which of the user's columns are missing. `header`: None if the text has none."""
         lacking = [name for name in self.names if header is None or self._place(name, header) is None]
         has = "no header" if header is None else listed(header)
         return f"no column {', '.join(lacking)} (it has: {has})"

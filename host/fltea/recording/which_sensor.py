@@ -24,8 +24,8 @@ columns.
 def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, str | None] | None:
     """Find the column that distinguishes sensors, and the sensor to read; None if there is no such column.
 
-    Only the first rows of the file are examined. All later decisions use only the rows of one sensor: the
-    sensor to read or, if the user has to choose it first, the most frequent one.
+    Only the first rows of the file are examined. Columns and units are then chosen by the rows of one sensor
+    only. This is the sensor to read. If the user still has to name it, it is the one with the most rows.
 
     `tag`: first field of the rows, in files with rows of several kinds. `gyro`: columns of the axes.
 
@@ -95,9 +95,9 @@ def _place_of(choice: Choice, column: str) -> int | None:
 
 
 def _named(choice: Choice) -> list[int]:
-    """Return the columns that name the sensor of a row, and those that state units.
+    """Return the columns that, by their names, tell the sensor of a row; then those that state a unit.
 
-    The columns' names, or the logger's dialect, show this.
+    If the logger's dialect says which column tells the sensor, return only this column.
     """
     pattern = choice.dialect.sensor if choice.dialect is not None else ""
     if pattern and (found := columns_of([[pattern]], choice.names)):
@@ -112,7 +112,7 @@ def _named(choice: Choice) -> list[int]:
 
 
 def _counts(choice: Choice, place: int) -> bool:
-    """Return whether the values in a column only rise, or are too many to be names of sensors."""
+    """Return whether a column is a counter: its values only rise, or it has too many different values."""
     cells = _cells(choice, place)
     if len({*cells}) > MOST_SENSORS:
         return True
@@ -121,9 +121,9 @@ def _counts(choice: Choice, place: int) -> bool:
 
 
 def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
-    """Yield the columns whose values alternate as identifiers of sensors would.
+    """Yield the columns whose values, by `tells_apart`, are the names or numbers of alternating sensors.
 
-    Times and measurements are left out.
+    Columns of times and of measurements are not examined.
     """
     values, names = choice.first_rows(), choice.names
     if values is None:
@@ -139,7 +139,7 @@ def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
             axes.append(place)
         elif not (place in gyro or place in seconds or is_time(name) or is_physical(unit_in(name) or unit)):
             free += [] if choice.labels[place] in wanted else [place]
-    if not axes:  # if no axes are known, all columns with many different values count as measurements
+    if not axes:  # no axes are known, so columns of many values count as axes
         axes = [k for k in free if len(np.unique(values[:, k])) > MOST_IN_TURN]
     figures = values[:, axes]
     yield from (
@@ -153,10 +153,7 @@ def _cells(choice: Choice, place: int) -> Sequence[str]:
 
 
 def _only(choice: Choice, marks: Marks) -> None:
-    """Of the file's first rows, keep only those of the chosen sensor.
-
-    All later choices are made by these rows.
-    """
+    """Keep only the marked rows among the file's first rows. Columns and units are then chosen by them."""
     values = choice.facts.sample()
     if len(marks) == len(values) and marks.any():
         values, all_cells = values[marks], choice.facts.cells

@@ -77,8 +77,8 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
 def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> None:
     """Ask the user for the unit.
 
-    If the axes are unknown, the user is asked for the axes' columns, too. The unit is then asked for only if
-    no column states a unit of angular rate.
+    If the axes are unknown, the user is asked for them anyway. Some column may then state a unit of angular
+    rate, which may be that of the axes. In this case, the user is not asked for the unit yet.
     """
     if any(one.option.startswith("--units ?") for one in choice.asked.missing):
         return
@@ -97,8 +97,8 @@ def _use_head(choice: Choice, gyro: Sequence[int]) -> None:
     Raise UsageError if this unit contradicts the one in the axes' names or in the row of units.
     """
     units = dict(stated_in(choice.facts.head).units)
-    # Numbers with fractions are not counts. If the head states a number of counts per deg/s all the same,
-    # this is the scale of the sensor, and not of the numbers in the file.
+    # Numbers with fractions are not counts. So if they have fractions, and the head states counts per deg/s,
+    # the head speaks of the sensor, and not of the numbers in the file.
     if not _is_whole(choice, gyro):
         units = {line: unit for line, unit in units.items() if not unit.startswith("lsb:")}
     beside = [choice.units[p] or (rate_unit_of(choice.names[p]) or "") for p in gyro]
@@ -211,7 +211,10 @@ def _refuse_other_units(choice: Choice, gyro: Sequence[int]) -> None:
 
 
 def _changed(choice: Choice, places: Sequence[int]) -> str:
-    """Return a text that names the columns whose numbers, as the file states, may need a scale or offset."""
+    """Return a text for the user: by the file's own words, these columns may need a scale or an offset.
+
+    The text is empty if there are no such columns.
+    """
     found = {name: what for p in places if (what := choice.facts.changed.get(name := choice.names[p]))}
     return f"{listed([*found])} may have to be changed by {listed([*{*found.values()}])}" if found else ""
 
@@ -221,8 +224,8 @@ def _whole(
 ) -> tuple[float, float | None]:
     """Return the factor that converts the numbers to deg/s or counts, and the counts in 1 deg/s.
 
-    If the numbers have fractions, they are no counts. Then the N of the unit `lsb:N` is only used in the
-    factor, and None is returned as number of counts.
+    Numbers with fractions are no counts, even if the unit is `lsb:N` (N counts in 1 deg/s). They are then
+    converted to deg/s by the factor 1/N, and None is returned in place of N.
     """
     factor, lsb = parsed
     return (factor, lsb) if lsb is None or _is_whole(choice, gyro) else (factor / lsb, None)

@@ -43,8 +43,8 @@ KINDS = re.compile(rb"[ACDFILMOPQRS]")
 """Matches a letter that is, by PX4's documentation, a kind of message."""
 
 SURE, ANY_LENGTH, TELLING = b"ADIMPQS", b"CL", b"AF"
-"""Three sets of message kinds. SURE: random bytes rarely look like these messages. ANY_LENGTH: these messages
-have no fixed length. TELLING: these messages describe other messages.
+"""Three sets of kinds of messages. SURE: random bytes rarely look like such a message. ANY_LENGTH: such a
+message holds a text of any length. TELLING: such a message describes later messages.
 """
 
 PADDING = "_padding"
@@ -58,11 +58,11 @@ is the binary format of flags and offsets.
 
 
 class Mended(NamedTuple):
-    """Result of the check of a log, and a copy of the log without its damaged parts.
+    """Result of the check of a log.
 
-    `data`: the log without its holes; b"" if the log is intact. `holes`: number of holes; `lost_bytes`: total
-    length of the holes; `first`: offset of the first hole. `cut_bytes`: length of a truncated last message.
-    `odd`: number of messages of an unknown kind, or with a topic number that the log does not declare.
+    `data`: copy of the log without its damaged parts; b"" if the log is intact. `holes`: number of damaged
+    parts; `lost_bytes`: their total length; `first`: offset of the first one. `cut_bytes`: length of a
+    truncated last message. `odd`: number of messages that cannot be read, such as those of an unknown kind.
     `counts`: number of messages by topic and sensor. `twice`: names of formats that the log declares again
     with other fields. `is_settled`: whether the length of the messages tells which declaration is right.
     """
@@ -161,7 +161,7 @@ class _Formats:
         Return 0 if the type is unknown or contains itself.
         """
         if kind not in self._lengths:
-            self._lengths[kind] = 0  # a format that contains itself finds this 0
+            self._lengths[kind] = 0  # if a format contains itself, the inner call returns this 0
             fields = self._fields.get(kind, []) if most_nested else []
             sizes = [self._length(inner, most_nested - 1) * many for inner, many, _ in fields]
             self._lengths[kind] = 0 if 0 in sizes or sum(sizes) > MOST_BYTES else sum(sizes)
@@ -249,8 +249,8 @@ class _LogScan:
             return FILE_HEAD_BYTES, []
         flags, *begins = APPENDED.unpack(found)
         begins = sorted({one for one in begins if end < one < self._size}) if flags & 1 else []
-        # The log is written again without its damaged bytes, so the offsets of appended parts would be wrong.
-        # The flag that says that there are such parts is cleared, and the offsets become zeros.
+        # In the copy of the log, damaged bytes are missing, so the offsets of the parts appended after a
+        # crash would be wrong. So the copy gets no flag for appended parts, and zeros as offsets.
         if begins:
             self._is_changed = True
             self._keep(FILE_HEAD_BYTES, APPENDED_AT)
@@ -275,7 +275,7 @@ class _LogScan:
                 if is_next or tells:
                     at, is_one = after, is_next
                     continue
-            # no message contains another one, so the next valid message ends this one
+            # messages do not overlap, so this one ends at the latest where the next valid one begins
             following = min(self._search(at + 1), end)
             if following == end < after and (is_one or end - at < HEAD.size):
                 self._cut(at, end)
@@ -339,7 +339,7 @@ class _LogScan:
         return self._content[at : at + size]
 
     def _search(self, begin: int) -> int:
-        """Return the next offset at which valid messages begin again, or the end of the log."""
+        """Return the first offset from `begin` on at which a valid message begins, or the end of the log."""
         if self._searched[0] <= begin <= self._searched[1]:
             return self._searched[1]
         at = begin
