@@ -71,7 +71,7 @@ def unknown_files(text: str) -> set[str]:
 
 @cache
 def ends_of_paths() -> frozenset[str]:
-    """Return every name that a text may use for a file: for `a/b/c.py` also `b/c.py` and `c.py`."""
+    """Return every name that a text may use for a file: its path, or an end of it from a folder on."""
     parts = [name.split("/") for name in tracked()]
     return frozenset("/".join(one[n:]) for one in parts for n in range(len(one)))
 

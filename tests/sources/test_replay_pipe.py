@@ -265,7 +265,8 @@ def test_a_pipe_that_says_nothing_can_be_interrupted(
     finally:
         process.kill()
     assert b"Traceback" not in said
-    assert process.returncode in (0, 130, -number)
+    # `run` ends as asked; the other commands end with the code that shells give to the signal
+    assert process.returncode in ((0,) if command == "run" else (128 + number, -number))
 
 
 def _interrupted(process: subprocess.Popen[bytes], number: signal.Signals) -> bytes:

@@ -143,7 +143,7 @@ class _Restarts(NamedTuple):
         return self.wrap, self.longest
 
 
-# Over 12 attributes: permitted, since most of them are counts of what the messages report.
+# Why more than 12 attributes: most of them are counts of what the messages report.
 class Elapsed:
     """Converts the times of rows to the time since the first row, in the same unit.
 
