@@ -17,8 +17,8 @@ def mpu9250(who_am_i: int) -> Chip:
 
     The data sheets PS-MPU-9250A-01 (section 4.17) and PS-MPU-6000A-00 (section 7.17) describe the FIFO.
     Section 4.15 of PS-MPU-9250A-01 gives the clock an error of ±1 %; `clock_error` is four times as large,
-    since an error beyond it costs samples. An MPU-6050 has no FIFO_MODE, so an overflow of its FIFO destroys a
-    part of a sample.
+    since an error beyond it costs samples. An MPU-6050 has no FIFO_MODE, so an overflow of its FIFO destroys
+    a part of a sample.
     """
     old = who_am_i == 0x68
     stop = 0 if old else reg.FIFO_MODE_STOP
