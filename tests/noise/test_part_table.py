@@ -132,3 +132,12 @@ def test_other_free_parameters_are_of_a_part_and_of_no_file() -> None:
     assert others == {"order by F", "order by f", "order by Q", "arfima by s2"}
     assert not others & {kind.tag() for kind in p.CODES}
     assert [row.code for row in ROWS] == list(range(len(BY_NAME)))
+
+
+@pytest.mark.parametrize("kind", [kind for kind, part in EXAMPLES.items() if part.has("filter")])
+def test_a_filter_names_each_pair_of_poles_once(kind: str) -> None:
+    """The number of states is counted from these poles, so a pair that is named twice would take the room of
+    other parts.
+    """
+    poles, _ = EXAMPLES[kind].filter_poles(H)
+    assert all(complex(one).imag > -1e-12 for one in poles)

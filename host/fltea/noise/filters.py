@@ -131,7 +131,7 @@ class Notch(Part, frozen=True, tag="notch"):
         # The poles follow from those of an analog notch by the bilinear transform.
         centre = math.tan(math.pi * self.frequency_hz * h)
         s = np.roots([1.0, centre * self.width_hz / self.frequency_hz, centre**2])
-        return list((1 + s) / (1 - s)), 0
+        return [z for z in ((1 + s) / (1 - s)).tolist() if complex(z).imag > -1e-12], 0
 
 
 class Mean(Part, frozen=True, tag="mean"):

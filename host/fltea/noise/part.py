@@ -151,8 +151,9 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         raise NotImplementedError(f"the part {self.tag()} has no poles")
 
     def filter_poles(self, h: float) -> tuple[list[complex], int]:
-        """Return a filter's poles, and its number of taps. Of a complex pair, one pole is enough.
+        """Return a filter's poles, and its number of taps.
 
+        A complex pair of poles is given by the one with imaginary part ≥ 0.
         Taps are the coefficients of a weighted sum of samples, which a filter may contain besides its poles.
         """
         raise NotImplementedError(f"the filter {self.tag()} has no poles")

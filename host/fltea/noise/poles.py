@@ -87,7 +87,7 @@ def high_pass_response(filters: Sequence[Part], lam: Array, h: float) -> Complex
 
 
 def filter_poles(filters: Sequence[Part], h: float) -> list[complex]:
-    """Return the poles of all filters. A complex pair may be there with both poles or only the upper one."""
+    """Return the poles of all filters. A complex pair is given by its pole with imaginary part ≥ 0."""
     found: list[complex] = []
     taps = 1 if filters else 0
     for part in filters:
