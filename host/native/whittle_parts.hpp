@@ -85,7 +85,7 @@ enum Value : int {
     kNumber,     // a parameter that is used as it is, without a transformation
     kShape,      // a logit or a logarithm; its bounds are where the spectrum hardly changes any more
     kFrequency,  // log of a frequency λ, at most log π + `high`
-    kCorner,     // log of the square of a frequency λ, from the lowest frequency of the data to `high`
+    kCorner,     // log λ², where λ is at least the data's lowest frequency, and log λ² at most `high`
     kMinusF,     // log(-f), where f is that of the part kOrderByf
     kNoise,      // log of Q, the variance that is a parameter of the part kOrderByQ
 };

@@ -275,10 +275,11 @@ def test_the_state_bound_begins_at_four_deviations(guard: str) -> None:
 
 @pytest.mark.parametrize("guard", ["faithful", "consistent"])
 def test_the_walk_learns_from_the_correction_that_the_box_left(guard: str) -> None:
-    # With f0 = 0 and x0 = 1, the model's output is α itself. So the measurement 3 pulls α from 1.9 to beyond
-    # 2, the largest permitted value. The guard keeps α at 2, so α changes by only 0.1. With delta = 1, the
-    # variance Q of α's random walk becomes the square of this change, 0.01. The later estimates are those of
-    # a filter that has Q = 0.01 from the beginning (and the same P0 + Q0).
+    # The prediction of a sample is (f + α) x. With f0 = 0 and x0 = 1, it is α. So the measurement 3 pulls α
+    # from 1.9 to beyond 2, the largest permitted value. The guard keeps α at 2, so α changes by only 0.1.
+    # With the forgetting factor delta = 1, the variance Q of α's random walk becomes the square of this
+    # change, 0.01. The later estimates are those of a filter that has Q = 0.01 from the beginning (and the
+    # same P0 + Q0).
     state = StateSettings(x0=1, P0=0, Q=0)
     learning = OrderSettings(P0=0.2, Q0=0.1, alpha0=1.9, delta=1)
     told = OrderSettings(P0=0.29, Q0=0.01, alpha0=1.9, delta=0)

@@ -12,7 +12,7 @@ using fltea::SamplingMode;
 TEST_CASE("recovery: one failed transfer costs no sample; it is flagged and counted") {
     for (I2cResult result : {I2cResult::nack, I2cResult::timeout, I2cResult::short_read}) {
         // Number of good transfers before the one that fails. With 0, the reading of the sample (the burst)
-        // fails. With 1, the reading of the guard registers after it fails.
+        // fails. With 1, the reading after it fails, of the registers that show a changed setting.
         for (size_t at : {0, 1}) {
             Rig rig;
             rig.start_and_settle();

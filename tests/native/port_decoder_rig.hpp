@@ -71,8 +71,8 @@ struct Reads {
     }
 };
 
-// A port decoder whose port was opened at the time 0. Its functions return the items that the decoder gives
-// as words, with times or counts. HELLOs with the boot id 13 are refused.
+// A port decoder whose port was opened at the time 0. Each function returns a text: a word for each item that
+// the decoder gave, followed by the item's time or count. HELLOs with the boot id 13 are refused.
 struct Line {
     PortDecoder line{kTimes};
 

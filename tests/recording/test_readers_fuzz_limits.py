@@ -67,7 +67,8 @@ def test_hdf5_never_reads_another_file(
         with contextlib.suppress(FlteaError, KeyError, ValueError):
             sheet = hdf5.read(path, "")
             for block in sheet.blocks(range(len(sheet.names))):
-                # a value from another file, or one that HDF5 puts in for missing data, would be 0
+                # No value of the file is 0. The values in the other file are 0, and so are those that HDF5
+                # puts in for missing data: neither may be read.
                 assert not (block == 0).any()
     finally:
         os.chdir(before)

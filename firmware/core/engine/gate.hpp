@@ -244,7 +244,8 @@ class Gate {
             ++bridged_;
             ++counts_.bridged;
             if (fill_ == kChunk) hand_on(sink);
-            if (!has_last_) {  // the chunk with the beginning of the gap was full and was left out
+            // The gap began in a chunk that is full now. The gate left this chunk out, with its last sample.
+            if (!has_last_) {
                 number_ += missing - i;
                 return;
             }

@@ -197,10 +197,10 @@ def _frequencies(tracked: FittedSystem, h: float, samples: int) -> Array:
 
 
 def _of_bias(model: System, slow: float) -> Array:
-    """Return the row vector `part` for which part @ x is the filter's bias; x: state of the tracked system.
+    """Return a row vector. Its product with x, the state of the tracked system, is the filter's bias.
 
-    The bias is the sum of what those entries of x add to the samples that decay over more than `slow`
-    samples.
+    The bias is the sum of the slow entries of x, each times the factor with which it enters a sample. An
+    entry is slow if it decays over more than `slow` samples.
     """
     with np.errstate(divide="ignore"):
         memory = -1 / np.log(np.minimum(np.hypot(model.a, model.b), 1 - 1e-15))

@@ -109,8 +109,8 @@ def _log_likelihoods(walk: OffsetWalk, q: Array, tau: Array) -> Array:
     known = np.unique(steps[steps > 0])
     prior = np.array([weight for _, _, weight in walks_tried(known.tolist(), bounds, STAYS)])
     own = np.log(np.maximum(weights, UNLIKELY)) - np.log(prior)[:, None]
-    # Between the step variances that were tried, the logarithms are interpolated. At a tenth of the smallest
-    # of these variances and below, a walk gets the likelihood of no walk.
+    # Only some step variances of a walk were tried. Between them, the logarithm of the likelihood is
+    # interpolated. A walk with at most a tenth of the smallest variance gets the likelihood of no walk.
     at = np.log(np.append(known[0] / 10, known))
     found = np.empty((len(q), own.shape[1]))
     for slope, column in enumerate(own.T):

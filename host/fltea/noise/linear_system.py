@@ -62,8 +62,9 @@ def ramp_of(slope: float, samples: int) -> Coordinate:
     """
     slow = STRAIGHT * samples
     variance = (slope * slow) ** 2
-    # A sample contains the sum of this state and of the offset. The last argument (`shared`) lets the offset
-    # begin with the opposite of this state, so that a sample's prior variance is what it was before.
+    # A sample contains the offset plus this state. Without a correction, the new state would make the
+    # variance of the first samples larger. So the last argument (`shared`) says that the offset begins with
+    # minus this state, and their sum has the variance that the offset had alone.
     return Coordinate(math.exp(-1 / slow), 0.0, variance, 0.0, variance)
 
 

@@ -136,7 +136,10 @@ def _one(line: str) -> _One:
 
 
 def _joined(held: list[_One]) -> list[str]:
-    """Return the lines of a sample. Its last labelled line gets all numbers, other labelled lines none."""
+    """Return the lines of a sample, of which several may have a label (such as `gx: 1`).
+
+    The last of these is replaced by the numbers of all of them. The others become empty.
+    """
     texts = [one.text for one in held if one.label]
     last = max((k for k, one in enumerate(held) if one.label), default=-1)
     return [", ".join(texts) if k == last else "" if one.label else one.line for k, one in enumerate(held)]

@@ -172,10 +172,9 @@ class CandidateModels:
     def order(self) -> FittedModel | None:
         """Return the model whose order is reported.
 
-        It is the best model with an order, fitted again without limits of the order.
-
-        If that is an ARFIMA, which has no parameter f, the fractional state D^α x = f x + ω in white noise is
-        reported in its place. But an ARFIMA whose 2 log L is higher by at least AHEAD is reported itself.
+        It is the best model with an order, fitted again without limits of the order. That may be an ARFIMA,
+        which has no parameter f. Then the fractional state D^α x = f x + ω in white noise is reported in its
+        place, if its 2 log L is less than AHEAD below that of the ARFIMA.
         """
         if self.ordered is None:
             return None

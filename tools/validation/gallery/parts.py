@@ -173,8 +173,9 @@ class Fractional(NamedTuple):
     def g(self, rate_hz: float) -> float:
         """Return g = h^α f, where h is the sampling period.
 
-        x stays bounded only for g from -2^α to 0, or to the sum of `_weights()` if `window` is limited. g is
-        kept in half of this range, since f may lead beyond it at slow sample rates.
+        The state x stays bounded only if g is at least -2^α, and at most 0 (with a limited `window`: at most
+        the sum of `_weights()`). At slow sample rates, f may lead beyond these limits. So g is kept between
+        half of the lower limit and half of the upper one.
         """
         g = float(rate_hz**-self.alpha) * self.f
         most = float(self._weights().sum()) / 2 if self.window else 0.0
