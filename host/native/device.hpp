@@ -1,5 +1,5 @@
-// Processes the samples of one device: computes their numbers and times, converts them to physical units, and
-// passes them to the device's sensors. All samples, live or recorded, pass through this class
+// Processes the samples of one device: computes their sequence numbers and times, converts them to physical
+// units, and passes them to the device's sensors. All samples, live or recorded, pass through this class
 // (host/README.md, "The way of a sample").
 #pragma once
 
@@ -195,7 +195,7 @@ class Device {
         return Stop::kEnd;
     }
 
-    // Returns the rows of the run up to the next event.
+    // Returns the next rows of the present run of samples, up to that of the next event or else to the end.
     Advanced more_of_run(const SampleColumns& from, std::size_t next) {
         const std::size_t begin = given_;
         std::size_t end = run_.n;
@@ -258,7 +258,7 @@ class Device {
         for (const track::TrackerEvent& each : events) pending_.push_back({each.row, k, false, {}, each});
     }
 
-    // Computes the sample numbers and times of the rows of a run.
+    // Computes the sequence numbers and times of the samples of a run, one row each.
     void place_rows(const SampleColumns& from, std::size_t at, bool goes_on) {
         seq_.clear();
         device_us_.clear();
@@ -357,7 +357,7 @@ class Device {
     RunColumns run_;
     std::vector<std::int64_t> seq_, device_us_, host_ns_;
     std::vector<std::vector<double>> values_;  // for each sensor, the samples of its axes
-    // number of rows of the run, and number of its events, that were returned to the caller
+    // number of rows of the present run, and number of its events, that were returned to the caller
     std::size_t given_ = 0, told_ = 0;
     std::vector<Happening> pending_, happened_;
     std::vector<std::vector<Lost>> lost_;

@@ -12,8 +12,8 @@
 namespace fltea {
 
 // Passes the samples that the gate (gate.hpp) has accepted on to the spectrum and to the Allan sums. The gate
-// calls accept() for consecutive samples, with the number of the first of them, and cut() where the stream
-// has a break.
+// calls accept() for consecutive samples, with the sequence number of the first of them, and cut() where the
+// stream has a break.
 template <typename Number>
 struct AcceptedStream {
     explicit AcceptedStream(double memory) : ladder(memory), allan(memory), next_(0) {}
@@ -52,7 +52,7 @@ struct AcceptedStream {
 
   private:
     enum { kMostNumbers = 4 + allan::kLevels * (allan::kHistory + allan::kChunk) + 4 * allan::kOctaves };
-    std::uint64_t next_;  // expected number of the next sample
+    std::uint64_t next_;  // expected sequence number of the next sample
 };
 
 // `moved`: number of samples that were left out because of motion. `motions`: number of motions.

@@ -1,6 +1,6 @@
 // Checks whether the times of samples agree with the rate that their device states. A device numbers its
-// sampling instants and adds its own time to each sample, so numbers and times together give the true rate.
-// The rate that HELLO states is a constant of the firmware.
+// sampling instants and adds its own time to each sample, so the numbers and times of samples together give
+// the true rate. The rate that HELLO states is a constant of the firmware.
 //
 // A check of single samples is not enough. It has to accept time differences that are wrong by one period,
 // because samples may come in bursts. If a device has half the stated rate, its samples are two of the stated
@@ -32,9 +32,9 @@ class RateWatch {
 
     void begin() { has_last_ = false; }
 
-    // Adds a sample. `step`: its number minus that of the previous sample. `step_us`: its device time minus
-    // that of the previous sample [us]. Wraps are removed from both. `period_us`: sampling period that HELLO
-    // states [us].
+    // Adds a sample. `step`: its sequence number minus that of the previous sample. `step_us`: its device
+    // time minus that of the previous sample [us]. Wraps are removed from both. `period_us`: sampling period
+    // that HELLO states [us].
     Verdict add(std::int64_t step, std::int64_t step_us, double period_us) {
         const bool is_first = !has_last_;
         has_last_ = true;

@@ -138,10 +138,10 @@ struct RealSpectrum {
         Number mean_;
     };
 
-    // Records how the logarithm of the power of an octave's blocks changes over time. The first octave has
-    // the shortest blocks, so its changes are recorded at all time scales. A lower octave is another
-    // frequency band, whose power may change at other times. Its changes are recorded only at the shortest
-    // time scales, from one of its blocks to the next few.
+    // Records how the power in one level of the running spectrum changes over time. Each block of 256 samples
+    // of the level gives one value, the logarithm of its mean power. Level 0 has the shortest blocks, so its
+    // changes are recorded at all time scales. A higher level has lower frequencies, whose power may change
+    // at other times. Its changes are recorded only at short time scales, from a block to the next few.
     template <int kLines>
     class Cells : public TimeCells {
       public:

@@ -1,8 +1,8 @@
-// Computes for each sample its number and its device time within the epoch (a run of samples without a
-// restart or a long gap), without the wraps of the wire protocol, and the number of samples that are missing
-// before it. The rules are those of protocol/README.md. The field `sequence` of SAMPLE numbers the sampling
-// instants. Within a boot, the numbers of delivered and of lost samples therefore add up to the number of
-// sampling instants, even where the sensor was set up again.
+// Computes for each sample its sequence number and its device time within the epoch (a run of samples without
+// a restart or a long gap), without the wraps of the wire protocol, and the number of samples that are
+// missing before it. The rules are those of protocol/README.md. The field `sequence` of SAMPLE numbers the
+// sampling instants. Within a boot, the numbers of delivered and of lost samples therefore add up to the
+// number of sampling instants, even where the sensor was set up again.
 //
 // If sequence and device time of a sample disagree, the device was restarted or exchanged, and samples are
 // ignored until its next HELLO. If the samples then go on to show another rate than the HELLO states, the

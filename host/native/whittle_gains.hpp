@@ -37,7 +37,7 @@ inline Candidate candidate(const Bins& bins, const Term& term, double a, double 
     return found;
 }
 
-// Returns the candidate for the same filter with white noise added behind it, so that some power remains
+// Returns the candidate for the same filter with white noise added after it, so that some power remains
 // where the filter blocks. For example, a random walk in white noise has such a spectrum after it has passed
 // the filter.
 inline Candidate leaking(const Bins& bins, Candidate filter) {

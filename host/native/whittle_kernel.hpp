@@ -3,10 +3,10 @@
 // for the reasons in engine.hpp. This file has declarations only. The caller owns all memory.
 //
 // A noise model is a list of noise parts ("terms"). Its spectrum at the frequency λ is S(λ) = L(λ) (Σ of
-// parts) + floor, where L is the gain of a chain of filters, and floor is white noise behind these filters.
-// The parameters are logarithms of powers and rates. A step of a fit can then change a very weak part as
-// much, in proportion, as a strong one. An example is a random walk with 1e-8 of the power of the white
-// noise.
+// parts) + floor, where L is the gain of a chain of filters, and floor is white noise added after these
+// filters. The parameters are logarithms of powers and rates. A step of a fit can then change a very weak
+// part as much, in proportion, as a strong one. An example is a random walk with 1e-8 of the power of the
+// white noise.
 #pragma once
 
 #include <cstddef>

@@ -35,7 +35,7 @@ class NullFits {
     }
 
     // Repeats an earlier null test. The fits start from `last`, which has the parameters that the earlier
-    // test found: first those of an order in white noise, then those of white noise behind a high-pass.
+    // test found: first those of an order in white noise, then those of white noise after a high-pass.
     NullTest again(const std::vector<double>& last) {
         const auto second = last.begin() + kOrderFree;
         return {white(), order({last.begin(), second}), missing({second, last.end()})};

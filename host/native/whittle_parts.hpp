@@ -55,7 +55,7 @@ enum Part : int {
     kMean,  // filter that takes the mean of m samples, with a fixed m; it has no parameter
     // relaxation in which every second sample has the opposite sign; parameters: as for kRelaxation
     kAlternating,
-    // white noise that is added behind all filters, for example by rounding; parameter: log of its variance
+    // white noise that is added after all filters, for example by rounding; parameter: log of its variance
     kFloor,
     // noise with an order d but no f, ARFIMA(1, d, 0) with φ = e^-rate and steps of variance s2; parameters:
     // d, log of that rate, and log of s2 / (1 - φ)²
@@ -141,7 +141,7 @@ enum Read : unsigned { kNoColumn = 0, kSquare = 1, kTurn = 2, kLogSize = 4, kBra
 
 enum Trait : unsigned {
     kFilter = 1,  // a filter, which multiplies the spectrum of the parts before it
-    kBehind = 2,  // noise that is added behind all filters
+    kBehind = 2,  // noise that is added after all filters
     // noise with a memory; it is a state in the tracker's filter, and no part of the white noise N
     kSlow = 4,
     kOrdered = 8,  // noise with an order, which in a model takes the place of all other slow noise
@@ -216,8 +216,8 @@ inline const char* name_of(Says says) {
 enum Start : int {
     kNever,
     kOnce,  // once, because the part's only parameter is its power, which the search computes
-    // once for each of the values in Starts::at, which are those of one parameter: the parameter after the
-    // power, or the first parameter of a filter
+    // once for each of the values in Starts::at. They are values of the first parameter of a filter, or of
+    // the second parameter of a noise, whose first is its power
     kListed,
     kCorners,
     kPeaks,

@@ -180,7 +180,7 @@ class Search {
         if (power >= 0) eta[first + static_cast<std::size_t>(power)] = one.gain.log_power;
         const bool low = candidate.term.part == kLowPass, high = candidate.term.part == kHighPass;
         if ((low || high) && !s.has(kFloor)) {
-            // White noise, for example from rounding, is added behind the filter. Without this noise, a steep
+            // White noise, for example from rounding, is added after the filter. Without this noise, a steep
             // filter leaves no power at some frequencies, and the model fits badly.
             terms.push_back(Term{kFloor, 0});
             eta.push_back(std::log(std::fmax(end_power(bins_, low), 1e-9 * bins_.mean) / 2));

@@ -209,9 +209,10 @@ inline void notch(const Columns& b, const double* eta, double* gain, double* con
         typedef decltype(one) T;
         const T sine = from<T>(b.square + i) / T(4.0), cosine = T(1.0) - sine, step = from<T>(b.spread + i);
         const T away = sine - T(square) * cosine, flat = sine * cosine;
-        // At a single frequency, the gain is A / (A + K), where A grows with the distance from the notch, and
-        // K with the notch's width. The gain is averaged over the frequencies of the bin. A is the value at
-        // the bin's centre, and the mean of A over the bin is larger by B.
+        // At one frequency, the gain is A / (A + K), where A grows with the distance from the notch, and K
+        // with the notch's width. `value` is the mean of the gain over the frequencies of a bin, to second
+        // order. K is taken as constant in the bin. With A at the bin's centre, the mean of A over the bin is
+        // A + B, and its variance about 4 A B.
         const T A = away * away, B = flat * T(1 + square) * T(1 + square) * step;
         const T K = T(width * width) * flat, W = A + B + K;
         const T both = T(4.0) * A * B * K / (W * W * W), value = (A + B) / W - both, more = T(3.0) * both / W;

@@ -12,7 +12,7 @@ LEGEND_LINE = 15
 BEGIN, END = 12, 412
 """Left and right end of a row of the legend [px]."""
 SAMPLE, SPACE = 22, 6
-"""Width of the short piece of a curve before its label, and of the space behind that piece [px]."""
+"""Width of the short piece of a curve before its label, and of the space after that piece [px]."""
 LETTER = 5.6
 """Average width of a letter in the chart's text size [px]."""
 BETWEEN = 14

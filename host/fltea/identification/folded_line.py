@@ -1,7 +1,7 @@
 """Find a spectral line near a multiple of the sample rate. Aliasing moves such a line to near frequency 0.
 
 An example is mains of 50 Hz, whose frequency wanders a little, sampled at 50 Hz or 25 Hz. In the spectrum,
-the aliased line is a wide hump near frequency 0, above the white noise of the sensor. Noise behind a low-pass
+the aliased line is a wide hump near frequency 0, above the white noise of the sensor. Noise after a low-pass
 has the same spectrum. But the oscillation of a line has a constant amplitude, and noise has not. The ratio of
 the fourth moment of the samples to their squared second moment shows this: it is 1.5 for an oscillation, and
 3 for noise. To suppress the white noise, groups of samples much shorter than a period are averaged first.

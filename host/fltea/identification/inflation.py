@@ -39,7 +39,7 @@ class Foretold(Protocol):
 
 
 def own_inflation(axes: Mapping[str, Foretold], up_to_s: float) -> Inflation:
-    """Return the factor for the noise figures of each axis, with sentences that explain the factors.
+    """Return by which factor each axis's noise figures are multiplied, and sentences that say why.
 
     Args:
         axes: axes with their forecasts.
@@ -99,10 +99,11 @@ def _is_exceeded(one: Piece) -> bool:
 
 
 def _factor(one: Piece, found: Forecast) -> float:
-    """Return the factor for the noise figures of the whole recording.
+    """Return the factor by which the noise figures of the whole recording have to be multiplied.
 
-    `one.needed` is the factor for the model of the first half. If the model of the whole recording already
-    predicts larger errors than that of the first half, its factor is smaller in proportion.
+    For the figures of the first half, this factor is `one.needed`: it widens the predicted 95 % band so that
+    95 % of the errors are inside. If the whole recording's model already predicts larger errors than the
+    first half's, its factor is smaller in proportion.
     """
     return one.needed * one.said / found.heading_std[found.t_s.index(one.t_s)]
 

@@ -54,9 +54,10 @@ def _walk(walk: OffsetWalkFound, plain: NavigationFilter, tracked: System) -> Sh
 
 
 def _slower(N: float, plain: NavigationFilter) -> tuple[tuple[float, float], ...]:
-    """Return pairs: the correlation time of a Gauss–Markov state, and the noise density beyond that time.
+    """Return pairs: the correlation time of a Gauss–Markov state, and the noise density over longer times.
 
-    Only states that raise the density are listed, the fastest first.
+    This density is that of the white noise, of the state and of all faster states. Only states that raise the
+    density are listed, the fastest first.
     """
     total, found = max(N, plain.N) ** 2, []
     for state in reversed(plain.gauss_markov):

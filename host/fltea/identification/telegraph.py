@@ -59,7 +59,7 @@ has to be at least JUMPS.
 If the median is lower, the samples drift from level to level and do not jump.
 """
 LONG_PASSAGE, OFF = 8, 6.0
-"""Up to LONG_PASSAGE samples before and after a change of level may be in transition, as behind a filter of
+"""Up to LONG_PASSAGE samples before and after a change of level may be in transition, as after a filter of
 the sensor.
 
 Such a sample is in transition if it is more than OFF standard deviations of the noise away from its level.

@@ -48,12 +48,12 @@ def fractional(lam: Array, alpha: ArrayLike, g: ArrayLike) -> Array:
 
 
 def g_of(alpha: float, f: float, h: float) -> float:
-    """Return g = h^α f, which is the parameter f [s^-α] for a time step of one sample."""
+    """Return g = h^α f, the parameter f [s^-α] for time in samples. `h`: sampling period [s]."""
     return float(h**alpha * f)
 
 
 def f_of(alpha: float, g: float, h: float) -> float:
-    """Return f = h^-α g [s^-α] for the parameter g of a step of one sample."""
+    """Return f [s^-α] from g = h^α f, the same parameter for time in samples. `h`: sampling period [s]."""
     return float(g * h**-alpha)
 
 

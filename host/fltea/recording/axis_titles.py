@@ -7,7 +7,7 @@ _TITLE = re.compile(
     r"(?P<before>.*?)(?P<open>\(?)(?<!\w)[xX]\s*(?P<mark>[,/])\s*[yY]\s*(?P=mark)\s*[zZ](?P<close>\)?)"
     r"(?P<unit>\s*[\[(][^\[\]()]*(?:\([^()]*\))?[^\[\]()]*[\])])?"
 )
-"""Matches a title of three axes, with the unit of all three behind it."""
+"""Matches a title of three axes, with the unit of all three after it."""
 
 LONGEST_TITLE = 100
 

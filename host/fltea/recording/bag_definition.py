@@ -1,4 +1,6 @@
-"""Reads ROS messages into columns of numbers, by the definition of their type (CDR of ROS 2, and ROS 1).
+"""Reads ROS messages into columns of numbers, by the definition of their type.
+
+The bytes are those of ROS 1, or of ROS 2, which encodes its messages as CDR (Common Data Representation).
 
 The offset of a number in a message depends on the lengths of the texts and lists before it. So all messages
 whose texts and lists have equal lengths are read together with numpy. A general ROS library would take about
@@ -34,11 +36,11 @@ LIST = -1
 DEEPEST, MOST_LINES, MOST_LAYOUTS = 10, 5000, 64
 LONGEST_PADDING = 7
 CDR_HEAD = 4
-"""Length of the CDR header before each message, which states the encoding [bytes]."""
+"""Length of the header before each ROS 2 message, which states the encoding [bytes]."""
 
 PLAIN_CDR = {0: (">", 8), 1: ("<", 8), 6: (">", 4), 7: ("<", 4)}
-"""Byte order, and largest alignment of a number [bytes], for each value of the CDR header's second byte (XCDR
-1 and 2).
+"""Byte order, and largest alignment of a number [bytes], for each value of the second byte in the header of a
+ROS 2 message. The encodings are CDR of the versions 1 and 2 (XCDR).
 """
 
 _LINE = re.compile(
@@ -66,7 +68,7 @@ class Definition(NamedTuple):
 
     `is_whole`: whether `fields` are all fields of the message; if not, further fields follow that are not
     read. `said`: comment at the beginning of the definition. `padding`: largest number of padding bytes after
-    the last field in CDR.
+    the last field in CDR, the encoding of ROS 2.
     """
 
     fields: tuple[Field, ...]
@@ -228,7 +230,7 @@ def _read(
 ) -> Iterator[Columns]:
     """Read the fields `wanted` of messages that all have the same length. Yield those of one layout at once.
 
-    `data`: bytes of the messages (n, length), without the header of their serialisation (CDR).
+    `data`: bytes of the messages (n, length), without the header of ROS 2's encoding.
     """
     size = data.shape[1]
     in_field: dict[str, list[tuple[str, int]]] = {}

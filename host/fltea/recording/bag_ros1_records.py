@@ -1,4 +1,4 @@
-"""Reads the records of a bag of ROS 1, and finds the next one behind damage."""
+"""Reads the records of a bag of ROS 1, and finds the next one after damage."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ DAMAGE = (struct.error, ValueError, KeyError)
 LENGTH = struct.Struct("<I")
 OP_FIELD = b"\x04\x00\x00\x00op="
 BEFORE_OP = 200
-"""The field `op` begins at most this number of bytes behind the beginning of a record's header."""
+"""The field `op` begins at most this number of bytes after the beginning of a record's header."""
 
 WINDOW_BYTES = 1 << 18
 
@@ -104,7 +104,7 @@ class Place(NamedTuple):
 def record_at(content: Content, at: int) -> Place | None:
     """Return the record that begins at byte `at`; None if none does.
 
-    The end of its data may be behind the end of the content.
+    The end of its data may lie after the end of the content.
     """
     length = int.from_bytes(content[at : at + LENGTH.size], "little")
     begin = at + LENGTH.size + length + LENGTH.size

@@ -57,10 +57,10 @@ def tells_gyroscope(group: str) -> bool:
 
 
 def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
-    """Return the groups outside `of` that hold a sensor and have their own column of times.
+    """Return the groups of columns that hold a sensor with its own column of times, without the groups `of`.
 
-    Such a sensor was sampled at other times than the sensors in the groups `of`, so its rows do not belong to
-    theirs. The result is empty if there are no times for the groups in `of`.
+    Such a sensor was sampled at other times than the sensors in `of`, so their rows do not belong together.
+    The result is empty if no column of times is in a group of `of` or outside all groups.
     """
     times = {group_of(name) for name in names if is_time(name.rpartition(".")[2])}
     if not times & {*of, ""}:

@@ -1,4 +1,4 @@
-"""Rewrites lines of a text, in any form that programs print, as plain rows, objects or labelled lines."""
+"""Rewrites lines of a text, in any form that programs print, in one of three simple forms (PlainText)."""
 
 from collections.abc import Iterator, Sequence
 
@@ -10,9 +10,10 @@ from fltea.recording.text_times import A_CLOCK, Clocks
 
 
 class PlainText:
-    """Rewrites the lines of one text as plain rows, JSON objects or labelled lines.
+    """Rewrites the lines of one text so that the reader of text files understands them.
 
-    Lines may be held back until the rest of their sample has come.
+    Each line is then a row of numbers with separators, a JSON object, or numbers with labels. Lines may be
+    held back until the rest of their sample has come.
 
     `columns`: columns that the user names.
     """
@@ -21,7 +22,7 @@ class PlainText:
         self._clocks, self._stages = Clocks(), (FlashLines(columns), LabelLines())
 
     def take(self, data: bytes, *, is_known: bool) -> bytes | None:
-        """Return lines as plain rows, objects or labelled lines; None if all are held back.
+        """Return the lines in a form of the class's docstring; None if all are held back.
 
         `data`: whole lines, of which the last has no line end.
 

@@ -1,4 +1,4 @@
-"""Gives each sample a number that follows from the sample's time.
+"""Gives each sample a sequence number that follows from the sample's time.
 
 If the step from one time to the next is several sampling periods long, samples were lost between the two. The
 module `sample_times` states the rules.
@@ -46,7 +46,9 @@ The limit 0.5 would find false losses in rounded times. For example, times that 
 
 
 class Numbered(NamedTuple):
-    """Samples with their numbers. `kept`: an array (rows,) that is True for the rows that are samples.
+    """Samples with their sequence numbers.
+
+    `kept`: an array (rows,) that is True for the rows that are samples.
 
     All other fields have one item for each sample.
 

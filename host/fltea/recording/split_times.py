@@ -9,8 +9,9 @@ from fltea.recording.column_names import fraction_of_seconds, is_clock_of_second
 from fltea.recording.sample_times import EVEN_SHARE, Floats
 
 LONGEST_STEP_S = 0.5
-"""At the begin of a second, the step from one sample to the next is at most this long [s], if the column of
-fractions is read in the right unit.
+"""A time here is the sum of two columns: whole seconds, and the fraction of a second. If the fraction is read
+in a wrong unit, the time jumps whenever a new second begins. So if the median of these steps from one sample
+to the next is longer than this [s], the unit is wrong.
 """
 
 

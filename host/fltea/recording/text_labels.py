@@ -1,7 +1,7 @@
 """Reads lines that name each number: JSON objects, and numbers with labels, as boards print them.
 
 `gx:1.2,gy:3.4` has a label for each number. `Gyro X: 1.2 Y: 3.4 Z: 5.6 rad/s` has one word (the group) before
-the labels, and one unit behind the numbers. `Gyr (DPS) [ 0.1, 0.2, 0.3 ]` has one label for three numbers.
+the labels, and one unit after the numbers. `Gyr (DPS) [ 0.1, 0.2, 0.3 ]` has one label for three numbers.
 """
 
 import re

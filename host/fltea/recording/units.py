@@ -64,7 +64,7 @@ TIME_UNITS: Mapping[str, TimeUnit] = {
     **dict.fromkeys(("us", "usec", "usecs", "micros", "microseconds", "microsecond"), "us"),
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanoseconds", "nanosecond"), "ns"),
 }
-"""Words for units of time, in small letters. Such a word may stand behind the name of a column of times, or
+"""Words for units of time, in small letters. Such a word may stand after the name of a column of times, or
 in place of the name.
 """
 

@@ -15,7 +15,7 @@ from fltea.records.errors import UsageError
 class Kind(NamedTuple):
     """How the addresses of one kind of server may hold a secret, and where the secret belongs.
 
-    `shows`: regular expression that finds a secret in the text behind `://`. `better`: advice for the error.
+    `shows`: regular expression that finds a secret in the text after `://`. `better`: advice for the error.
     """
 
     shows: str

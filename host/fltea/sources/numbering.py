@@ -55,7 +55,10 @@ class Arrived(NamedTuple):
 
 
 class Numbered(NamedTuple):
-    """Successive samples with their numbers. `begins`: whether the sender restarted before these samples."""
+    """Successive samples with their sequence numbers.
+
+    `begins`: whether the sender restarted before these samples.
+    """
 
     begins: bool
     sequence: Ints

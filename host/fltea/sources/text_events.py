@@ -1,4 +1,4 @@
-"""Turns text that arrives live into events: samples with their numbers, and warnings for the user."""
+"""Turns text that arrives live into events: samples with sequence numbers, and warnings for the user."""
 
 import os
 from collections import Counter

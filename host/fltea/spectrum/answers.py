@@ -243,7 +243,7 @@ def first(e: Evidence, q: Questions, said: str, slow: bool) -> Verdict | None:
     for name, row in ANSWERS.items():
         if (name in SLOW_SAYS) != slow:
             continue
-        # A high-pass removes slow noise, so behind one the record does not show whether there was drift.
+        # A high-pass removes slow noise, so after one the record does not show whether there was drift.
         is_so = name in e.reading.says and not (name == "drift" and e.reading.high_pass is not None)
         if row.question is not None:
             q.ask(row.question(e), is_so, said)

@@ -27,12 +27,12 @@ from fltea.spectrum.periodogram import Periodogram, bin_starts
 FALSE_ALARM = 1e-3
 """Probability of finding a comb in noise without one."""
 FEWEST_TEETH = 5
-"""A comb has at least this many teeth. Mains hum with its second and third harmonic has fewer, so it is no
-comb.
+"""A comb has at least this many lines (teeth), at multiples of one frequency. Mains hum with its second and
+third harmonic has fewer, so it is no comb.
 """
 FEWEST_PERIODS = 8
-"""The event must have at least this many periods in the record. The teeth are then at least this many
-ordinates apart, so that the noise between them can be measured.
+"""The event must have at least this many periods in the record. The comb's lines are then at least this
+many ordinates apart, so that the noise between them can be measured.
 """
 SHORTEST_PERIOD = 2 * FEWEST_TEETH
 """Shortest period of an event, in samples. If the period is this short, just `FEWEST_TEETH` multiples of the
@@ -47,7 +47,7 @@ spectral line of a long record adds at most LIMIT_SHARE standard deviations to t
 """
 LEVEL_BINS = 5
 """The level of the noise around a bin is the median over this many bins on each side. Only few of these bins
-can contain a tooth.
+can contain a line of a comb.
 """
 TOGETHER = 4
 """This many neighbouring ordinates are summed before the autocorrelation is computed. The summing lowers the
@@ -58,15 +58,15 @@ WIDTHS = (1, 3, 5)
 event may vary and need not be a whole number of samples.
 """
 GUARD = 2
-"""The power of a tooth leaks into this many ordinates on each side of the tooth."""
+"""The power of a line of the comb leaks into this many ordinates on each side of the line."""
 WIDEST_FLANK = 24
-"""A tooth is compared with at most this many ordinates on each side. The nearest GUARD ordinates on each side
-are not among them.
+"""A line of the comb is compared with at most this many ordinates on each side. The nearest GUARD ordinates
+on each side are not among them.
 """
 MOST_A_TOOTH = 8.0
-"""Limit of the evidence of a single tooth. In noise, one in 3,000 ordinates exceeds this limit."""
+"""Limit of the evidence of a single line of the comb. In noise, one in 3,000 ordinates exceeds this limit."""
 CLEAR = 4.0
-"""A tooth with at least this evidence is clear. A comb has at least `FEWEST_TEETH` clear teeth."""
+"""A line of a comb with at least this evidence is clear. A comb has at least `FEWEST_TEETH` clear ones."""
 FIRST_SHARE = 0.6
 """The candidate for the period is the shortest lag whose autocorrelation is at least this proportion of the
 highest one.
@@ -81,19 +81,19 @@ chosen.
 """
 MOST_SOONER, FIRST_TEETH = 12, 8
 """An event may happen several times within the period that was found, which is tried for up to MOST_SOONER
-times. If it does, the multiples of its true frequency (the teeth) are higher than the spectral lines between
-them. FIRST_TEETH: this many of the lowest teeth are compared with the lines between.
+times. If it does, the spectral lines at multiples of its true frequency are higher than the lines between
+them. FIRST_TEETH: this many of these lines, the lowest, are compared with those between.
 """
 NO_TOOTH, SHAPED = 1.5, 0.08
-"""Spectral lines between the teeth are no teeth if their mean height is below one of two limits. Below
-NO_TOOTH, the lines count as noise, which has the height 1. Below SHAPED times the mean height of the teeth,
-the lines only show that the times of the events were rounded to whole samples.
+"""Spectral lines between the lines of a comb do not belong to it if their mean height is below one of two
+limits. Below NO_TOOTH, they count as noise, which has the height 1. Below SHAPED times the mean height of the
+comb's lines, they only show that the times of the events were rounded to whole samples.
 """
 AT_ONCE = 1 << 18
-"""Largest number of teeth that are computed in one step."""
+"""Largest number of lines of combs that are computed in one step."""
 PREFIXES = (5, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
-"""A comb is tested with each of these numbers of teeth, counted from the lowest tooth. Small numbers are
-tested, too, since the comb of a smooth wave has only a few teeth.
+"""A comb is tested with each of these numbers of lines, counted from the lowest. Small numbers are tested,
+too, since the comb of a smooth wave has only a few lines.
 """
 
 
@@ -103,9 +103,9 @@ class Comb(NamedTuple):
     period: float
     """The period in samples."""
     teeth: int
-    """Number of teeth from the lowest to the highest one in the band."""
+    """Number of lines of the comb, from the lowest to the highest one in the band."""
     height: float
-    """The mean ratio of the power of the teeth to the level around them."""
+    """The mean ratio of the power of the comb's lines to the level around them."""
 
 
 class _Ordinates:
@@ -123,7 +123,7 @@ class _Ordinates:
         self.first = int(place[0])
 
     def terms(self, fundamental: Array, teeth: int) -> Array:
-        """Return the evidence of each tooth of several combs, (f, teeth).
+        """Return the evidence of each line (tooth) of several combs, (f, teeth).
 
         `fundamental`: fundamental frequency of each comb, (f,), in steps of the periodogram (1 / duration). A
         tooth is the ordinate at a multiple of it. The evidence of a tooth is 0 if its ordinate was left out,
@@ -176,7 +176,7 @@ def find_comb(
     if best < needed:
         return None
     # An event that repeats each second also repeats every 2 s, so this period has nearly as much evidence. A
-    # period of 0.5 s has only half of the evidence, since it misses every second tooth. So the shortest
+    # period of 0.5 s has only half of the evidence: its comb lacks the lines at 1, 3, 5 … Hz. So the shortest
     # period with nearly the highest evidence is the true one.
     _, fundamental, teeth = max(
         (one for one in found if one[0] >= max(NEARLY * best, needed)), key=lambda one: one[1]
@@ -291,7 +291,7 @@ def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
 
 
 def _judged(ordinates: _Ordinates, period: float, within: float) -> tuple[float, float, int] | None:
-    """Return the best period near `period`: evidence, fundamental frequency [ordinates], number of teeth.
+    """Return the best period near `period`: evidence, fundamental frequency [ordinates], number of lines.
 
     Periods that differ from `period` by up to `within` are tried; both are in samples. The evidence is minus
     the logarithm of an upper bound of the probability that noise would give as much. The result is None if no
@@ -322,7 +322,7 @@ def _judged(ordinates: _Ordinates, period: float, within: float) -> tuple[float,
 def _evidence(sums: Array, teeth: NDArray[np.intp]) -> Array:
     """Return the evidence of combs: minus the logarithm of an upper bound of a probability.
 
-    It is the probability that in noise, the evidence of all `teeth` of a comb adds up to at least `sums`.
+    It is the probability that in noise, the evidence of `teeth` lines of a comb adds up to at least `sums`.
     This sum has a gamma distribution of shape `teeth`. The bound is Chernoff's.
     """
     above = np.maximum(sums / teeth, 1.0)

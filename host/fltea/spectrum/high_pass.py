@@ -2,8 +2,8 @@
 
 A real filter may subtract a running mean, the mean of each block, or an offset estimated at rest. Its
 response is not exactly that of the fitted high-pass. So the model may describe the difference by further
-parts, which are no noise. For example, the density of white noise behind such a filter may oscillate above
-the corner frequency. Behind a running mean, its highest value is 1.48 times the value far above the corner.
+parts, which are no noise. For example, the density of white noise after such a filter may oscillate above
+the corner frequency. After a running mean, its highest value is 1.48 times the value far above the corner.
 
 In addition, a record begins and ends abruptly, so power leaks into the low frequencies that the filter stops.
 """

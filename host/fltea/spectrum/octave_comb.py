@@ -1,12 +1,12 @@
-"""Find a comb in an octave spectrum, in which only the lowest teeth of the comb can be told apart.
+"""Find a comb in an octave spectrum, in which only the lowest peaks of the comb can be told apart.
 
 The frequencies of an octave spectrum are called lines here. The distance between neighbouring lines is about
-proportional to the frequency. So the first ten to twenty teeth of a comb (the multiples of its fundamental
-frequency) are separate, and all higher teeth merge. The separate teeth are found in a similar way as in
+proportional to the frequency. So the first ten to twenty peaks of a comb (at multiples of its fundamental
+frequency) are separate, and all higher peaks merge. The separate peaks are found in a similar way as in
 `comb`: the ratio of each line to the level around it is converted to a normal deviate. For each possible
 fundamental frequency, the deviates at its multiples are summed, and the sums are compared. Deviates are
-limited, so that a few strong peaks do not make a comb. If a comb is found, the part of the spectrum in which
-its teeth merge is left out together with the separate teeth.
+limited, so that a few strong lines do not make a comb. If a comb is found, the part of the spectrum in which
+its peaks merge is left out together with the separate peaks.
 """
 
 import functools
@@ -23,20 +23,19 @@ from fltea.spectrum.periodogram import LOWEST, Periodogram
 from fltea.spectrum.spectral_lines import Peak, Repeats
 
 FEWEST_LINES = 5.0
-"""Teeth count as separate if they are at least this many lines apart. A tooth is a peak at a multiple of the
-comb's frequency, and under Hann's window up to four lines wide. A line is one frequency of the octave
-spectrum.
+"""Peaks of a comb (its teeth) count as separate if they are at least this many lines apart. Under Hann's
+window, a peak is up to four lines wide. A line is one frequency of the octave spectrum.
 """
 LOBES = 2.75
-"""Where Hann's window was used, this many lines on each side of a tooth are left out with the tooth."""
+"""Where Hann's window was used, this many lines on each side of a comb's peak are left out, too."""
 LEAKS = 0.05
-"""Without a window, the power of a tooth leaks far to both sides. As far as the leaked power is at least this
-proportion of the noise's power, the lines beside the tooth are left out with it.
+"""Without a window, the power of a comb's peak leaks far to both sides. As far as the leaked power is at
+least this proportion of the noise's power, the lines beside the peak are left out with it.
 """
 AROUND, ASIDE = 12, 3
 """AROUND: the level of the noise at a line (one frequency of the spectrum) is the median over this many lines
 on each side. ASIDE: if a line is an average over blocks, the level is at least the mean of the two lines that
-are this many lines away. So a wide maximum, such as a side lobe of a filter, is not taken for a tooth.
+are this many lines away. So a wide maximum, such as a side lobe of a filter, is not taken for a comb's peak.
 """
 FEWEST_CLEAR, CLEAR_BY_CHANCE = 5, 0.0062
 """A line stands out clearly if its deviate is above CLEAR. CLEAR_BY_CHANCE: proportion of the lines of white
@@ -49,7 +48,7 @@ with a larger deviate stands out clearly. MOST: a larger deviate is replaced by 
 """
 NOTCH, LEAST_WEIGHT, LOBE = 0.4, 16.0, 10
 """NOTCH: a line lies in a notch of a filter if its power is below this proportion of the level. LOBE: a line
-that is at most this many lines away from a notch may be a side lobe of the filter, and is no tooth.
+that is at most this many lines away from a notch may be a side lobe of the filter, and is no peak of a comb.
 LEAST_WEIGHT: this holds only for lines that average more ordinates than this, since other lines may be so low
 by chance.
 """
@@ -59,8 +58,8 @@ the lowest is chosen. SAME: fundamental frequencies whose relative difference is
 same frequency.
 """
 MOST_LEFT_OUT = 0.42
-"""To remove a comb, a band around each tooth is left out. To each side, it reaches at most this proportion of
-the distance between teeth.
+"""To remove a comb, a band around each of its peaks is left out. To each side, the band reaches at most this
+proportion of the distance between peaks.
 """
 STEP = 1 / 160
 """Relative step between the fundamental frequencies that are tried. It is half the smallest relative distance
@@ -68,7 +67,7 @@ between lines.
 """
 MOST_TEETH = 32
 PREFIXES = np.array([5, 8, 12, 20, 32])
-"""A fundamental frequency is tested with each of these numbers of teeth, counted from the lowest tooth."""
+"""A fundamental frequency is tested with each of these numbers of peaks, counted from the lowest."""
 
 
 class OctaveComb(NamedTuple):
@@ -96,7 +95,7 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
     order = np.arange(1, MOST_TEETH + 1)
     teeth = np.outer(fundamentals, order)
     line = _nearest(p.lam, teeth)
-    # The teeth (the multiples of a fundamental frequency) merge at high frequencies. There they give no
+    # The peaks at multiples of a fundamental frequency merge at high frequencies. There they give no
     # evidence.
     end = _ends(fundamentals, p.lam, spread)
     seen = teeth < end[:, np.newaxis]
@@ -108,7 +107,7 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
     if not strongest.max() ** 2 / 2 > math.log(evidence.size / false_alarm):
         return None
     # Events each second have power at all multiples of 1 Hz, so also at those of 2 Hz. But 2 Hz has less
-    # evidence, since the teeth at 1, 3, 5 … Hz are not among its multiples. So the lowest fundamental
+    # evidence, since the peaks at 1, 3, 5 … Hz are not among its multiples. So the lowest fundamental
     # frequency with nearly the highest evidence is the true one.
     lowest = int((strongest > NEARLY * strongest.max()).argmax())
     near = fundamentals < fundamentals[lowest] * (1 + SAME)
@@ -145,9 +144,9 @@ def _of_the_whole(p: Periodogram, false_alarm: float) -> OctaveComb | None:
 
 
 def _ends(fundamentals: Array, lam: Array, spread: Array) -> Array:
-    """Return up to which frequency the teeth are separate, for each fundamental frequency.
+    """Return up to which frequency a comb's peaks are separate, for each fundamental frequency.
 
-    It is 0 if no teeth are separate.
+    It is 0 if no peaks are separate.
     """
     needed = np.maximum.accumulate(spread) * FEWEST_LINES
     place = np.searchsorted(needed, fundamentals, "right") - 1
@@ -168,7 +167,7 @@ def _fundamentals(first: float, last: float) -> Array:
 def _level(power: Array, weight: Array) -> Array:
     """Return the mean level around each line, (m,).
 
-    The level is computed from a median, which the teeth hardly raise.
+    The level is computed from a median, which the peaks of a comb hardly raise.
     """
     padded = np.pad(power, AROUND, mode="reflect")
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
@@ -195,13 +194,13 @@ def _nearest(lam: Array, at: ArrayLike) -> NDArray[np.intp]:
 
 
 def _refined(p: Periodogram, level: Array, line: NDArray[np.intp], order: NDArray[np.intp]) -> float:
-    """Return the fundamental frequency, computed more exactly from the centres of the teeth."""
+    """Return the fundamental frequency, computed more exactly from the centres of the comb's peaks."""
     near = line[:, np.newaxis] + np.arange(-1, 2)
     near = near.clip(0, len(p.lam) - 1)
     above = np.maximum(p.power[near] - level[near], 1e-300 * level[near])
     centre = (above * p.lam[near]).sum(axis=1) / above.sum(axis=1) / order
-    # The error of a tooth's centre is about the distance between two lines. The fundamental frequency is the
-    # centre divided by the tooth's number, so its error is divided by this number, too.
+    # The error of a peak's centre is about the distance between two lines. The fundamental frequency is the
+    # centre divided by the peak's number, so its error is divided by this number, too.
     precision = (order / np.gradient(p.lam)[line]) ** 2
     return float((centre * precision).sum() / precision.sum())
 
@@ -215,7 +214,7 @@ def _described(
     near = (line[:, np.newaxis] + np.arange(-2, 3)).clip(0, len(p.lam) - 1)
     excess = ((p.power - level)[near] * spread[near]).sum(axis=1)
     height = np.maximum((p.power / level)[near].max(axis=1), 1.0)
-    # Ordinates of the whole record are computed without a window, so that the power of a tooth decreases as 1
+    # Ordinates of the whole record are computed without a window, so that the power of a peak decreases as 1
     # / (π d)² at a distance of d ordinates.
     skirts = np.sqrt(height / (2 * LEAKS)) / math.pi
     reach = np.where(_is_whole(weight[line]), np.maximum(skirts, LOBES), LOBES) * spread[line]
@@ -223,8 +222,8 @@ def _described(
     bands = [((a - r) * to_hz, (a + r) * to_hz) for a, r in zip(at.tolist(), reach.tolist(), strict=True)]
     if end < p.lam[-1]:
         bands.append((end * to_hz, 1 / p.h))
-    # The merged teeth, those that are too close to each other to be seen, are assumed to have the same power
-    # as the separate teeth.
+    # The merged peaks, those that are too close to each other to be seen, are assumed to have the same power
+    # as the separate peaks.
     share = float(excess.mean()) * (math.pi / fundamental) / float(p.power @ spread)
     return OctaveComb(
         Peak(

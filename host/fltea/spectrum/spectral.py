@@ -232,7 +232,7 @@ def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: CandidateModels
 
 
 def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:
-    """Return `lowest_hz` [Hz], or a higher frequency above which no slow spectral line leaks."""
+    """Return `lowest_hz` [Hz], or the end of the leakage of spectral lines near it, if that is higher."""
     ends = [
         high + LEAKS * (high - low)
         for low, high in (peak.notch_hz for peak in peaks if peak.kind != "resonance")
@@ -306,7 +306,7 @@ class _Clean(NamedTuple):
     bands: Bands
     """One band for each of `peaks`."""
     slow_line: bool
-    """Whether a slow spectral line or its leakage hides the lowest frequencies."""
+    """Whether a spectral line of low frequency, or its leakage, hides the lowest frequencies."""
 
     @property
     def to_hz(self) -> float:
@@ -321,7 +321,7 @@ class _Clean(NamedTuple):
 def _clean(seen: _Seen, lowest_hz: float) -> _Clean:
     """Return the clean ordinates, which lie above `lowest_hz` and outside peaks.
 
-    The clean ordinates begin above the leakage of slow spectral lines if enough ordinates are left there.
+    If enough ordinates are left, they begin above the leakage of spectral lines near `lowest_hz`.
     """
     from_hz = _above_slow_lines(seen.peaks, lowest_hz)
     slow_line = from_hz > lowest_hz

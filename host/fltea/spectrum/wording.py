@@ -77,7 +77,7 @@ def peak_hz(frequency_hz: float) -> str:
 
 
 def sentence(parts: Sequence[Part], e: Evidence, order: OrderFit | None = None) -> str:
-    """Return words for the parts of a noise and the filters behind them.
+    """Return words for the parts of a noise and the filters after them.
 
     `order`: the order with its interval.
     """

@@ -1,9 +1,9 @@
-"""Convert the events of a source into samples in physical units, with their numbers and times.
+"""Convert the events of a source into samples in physical units, with sequence numbers and times.
 
 The native device (host/native/device.hpp) makes the conversion. The native device also runs the estimators
 that `fltea.stream.pipeline` gives it. When a recording is exported, it has no estimators. An epoch is a
-stretch of samples without a restart of the estimators. Within an epoch, the samples' numbers and times do not
-wrap.
+stretch of samples without a restart of the estimators. Within an epoch, the sequence numbers and times of
+samples do not wrap.
 """
 
 from collections.abc import Callable, Iterator
@@ -33,8 +33,8 @@ class Stop(IntEnum):
     STATS_DUE = 2
     """Statistics are due before the next sample is processed."""
     GAP = 3
-    """The next sample follows a gap. Details: number of missing samples, number and time of the next sample,
-    and the axes that became invalid.
+    """The next sample follows a gap. Details: number of missing samples, sequence number and time of the next
+    sample, and the axes that became invalid.
     """
     EPOCH = 4
     """The next sample begins an epoch, after a restart or a long gap. Details: the fields of `FirstSample`.

@@ -88,8 +88,8 @@ class _Begun(NamedTuple):
     samples: int
     refit: Refit
     refits: dict[str, Callable[[], tuple[AxisFit, AcceptedFit]]]
-    """For each axis, a function that returns the fit that this refit makes, and the accepted fit that the
-    estimates use once the refit has taken effect.
+    """For each axis, a function that waits for the refit's result and returns two fits: the new fit of the
+    axis, and the accepted fit, which the estimates use after the refit has taken effect.
     """
     refilters: int
     """When the device stream has processed the sample of this number, the fit worker begins to filter the
@@ -187,7 +187,7 @@ class LiveFits:
         return self._sums.of_sensors
 
     def begin_numbers(self, seq: int) -> None:
-        """Count the samples for refits from the first sample of the epoch on, which has the number `seq`."""
+        """Count the samples for refits from the epoch's first sample on, which has sequence number `seq`."""
         period = self._period()
         self._times.begin(period)
         self._before_first = seq - 1 + turn(self._fit_worker, self._number, period)

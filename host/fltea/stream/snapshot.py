@@ -61,7 +61,7 @@ def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: in
 def missing_by_number(
     state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float
 ) -> int | None:
-    """Return how many samples are missing since a snapshot if their numbers show it; else None."""
+    """Return how many samples are missing since a snapshot, if sequence numbers show it; else None."""
     last = state.last
     if last is None or last.boot_id != hello.boot_id or age_s > LONGEST_WRAP_S:
         return None

@@ -21,7 +21,7 @@ def check_outputs(configs: Sequence[Config], system: System) -> Iterator[Finding
     config = configs[0]  # the configuration of outputs is the same for all devices
     checked: set[str] = set()
     for output in OUTPUTS:
-        # two rows may have one name, for single devices and for shared sources; their check is the same
+        # MQTT is in OUTPUTS twice, for single devices and for sources of many devices, but has one check
         if not output.is_on(config) or output.name in checked:
             continue
         checked.add(output.name)

@@ -1,5 +1,6 @@
 """Reads HDF5 files: tables of pandas, and data sets with attributes, such as those of netCDF and NWB.
 
+netCDF and NWB are rules for the contents of HDF5 files: for climate data, and for recordings of nerve cells.
 An HDF5 file may state that the data of a data set are stored in other files. Such data are not read.
 """
 
@@ -24,8 +25,8 @@ from fltea.records.errors import UsageError
 
 MISSING = "_fillvalue", "missing_value"
 NETCDF, NWB = ("scale_factor", "add_offset"), ("conversion", "offset")
-"""Two pairs of attribute names, one of netCDF and one of NWB. The first attribute of a pair holds the factor,
-and the second holds the offset, that have to be applied to a data set's numbers. Sources:
+"""Two pairs of attribute names, as in netCDF files (climate data) and in NWB files (data of nerve cells). The
+first attribute of a pair holds the factor, and the second the offset, for a data set's numbers. Sources:
 https://cfconventions.org (8.1 Packed Data) and https://nwb-schema.readthedocs.io (TimeSeries). The attribute
 `resolution` of NWB changes no numbers.
 """
@@ -54,7 +55,7 @@ def read(path: Path, _: str) -> Sheet:
             found[name] = NoNumbers(elsewhere, max((1, *item.shape)))
             return
         attributes = _attributes_of(item)
-        # in NWB, this attribute states the sampling rate of a whole group
+        # in an NWB file (of nerve cells), this attribute states the sampling rate of a whole group
         if path.endswith("/starting_time") and "rate" in attributes:
             facts[f"{name.rpartition('.')[0]}.rate"] = attributes["rate"]
         if isinstance(item, h5py.Group):

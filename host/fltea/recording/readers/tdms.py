@@ -100,7 +100,7 @@ def _losses(file: Any, parts: Parts, cut: Mapping[str, int], *, is_timed: bool) 
 
 
 class _Channel:
-    """A channel of a TDMS file that can be read like an array.
+    """A channel of a LabVIEW file (TDMS) that can be read like an array.
 
     The channel's own scale is applied to the values.
     """

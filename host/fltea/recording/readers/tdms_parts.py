@@ -1,4 +1,4 @@
-"""Finds the parts of a TDMS file that are whole, so that damage costs only the parts that it is in.
+"""Finds the whole parts of a LabVIEW file (TDMS), so that damage costs only the parts that it is in.
 
 A TDMS file is a row of segments, called parts here. A part begins with its length, and may use the
 description of its channels in the parts before it. The library for TDMS reads nothing of a file in which one

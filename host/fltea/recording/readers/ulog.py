@@ -359,7 +359,7 @@ class _LogScan:
     def _next_kind(self, at: int) -> int | None:
         """Return the next offset at which a message may begin, or None.
 
-        The letter of a message kind stands two bytes after this offset, behind the message's length.
+        The letter of a message kind stands two bytes after this offset, after the message's length.
         """
         found = KINDS.search(self._content, at + 2)
         return None if found is None else found.start() - 2

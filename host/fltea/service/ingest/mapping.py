@@ -1,9 +1,10 @@
 """Check whether a NATS server assigns devices to partitions as fltea's settings say.
 
-If the server's settings lack the mapping of subjects, or have another number of partitions, the server
-accepts all frames, but no worker reads them. To find this out, test messages are published under names that
-no device can have. The subjects under which the test messages come back show the mapping. A header of each
-test message says that only the stream of a given name may keep it. No stream has that name, so none keeps it.
+A setting of the server, the mapping of subjects, puts the partition into the subject (address) of a message.
+If it is missing, or has another number of partitions, the server accepts all frames, but no worker reads
+them. To find this out, test messages are published under names that no device can have. The subjects under
+which the test messages come back show the mapping. A header of each test message says that only the stream of
+a given name may keep it. No stream has that name, so none keeps it.
 """
 
 import asyncio
@@ -43,7 +44,7 @@ def line(partitions: int) -> str:
 
 
 def judge(subjects: Mapping[str, str | None], partitions: int) -> str | None:
-    """Return, as text, what is wrong with the server's mapping of subjects; None if nothing is wrong.
+    """Return, as text, what is wrong with the server's mapping of NATS subjects; None if nothing is wrong.
 
     `subjects`: for each test name, the subject under which its message came back, or None if the message did
     not come back.

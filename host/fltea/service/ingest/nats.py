@@ -40,8 +40,8 @@ AGAIN_S = 1.0
 """Time between two attempts to connect [s]."""
 
 PROBE_S = 60.0
-"""Time between two checks of the server's mapping of subjects [s]. The mapping is checked again and again,
-since the server may load other settings at any time.
+"""Time between two checks of the server's mapping of NATS subjects to partitions [s]. It is checked again and
+again, since the server may load other settings at any time.
 """
 
 

@@ -93,7 +93,11 @@ class Reports:
             )
 
     def mapping(self, wrong: str | None) -> None:
-        """Report what is wrong with the server's mapping of subjects. `wrong`: None if nothing is wrong."""
+        """Report what is wrong with the server's setting that leads each device to a partition.
+
+        The setting is called a subject mapping: it renames the subjects (addresses) of NATS messages.
+        `wrong`: None if nothing is wrong.
+        """
         if wrong:
             self._of_server("nats_mapping", wrong)
 

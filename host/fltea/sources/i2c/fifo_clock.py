@@ -53,9 +53,9 @@ class FifoClock:
     """Numbers samples from 0 on, and relates these numbers to the host's time.
 
     `rate_hz`: nominal sampling rate. `clock_error`: largest relative error of this rate before any
-    measurement. `next`: number of the next sample. A sample always arrives later than the sensor measured it,
-    by a varying delay. So only the arrival with the smallest delay in every second is used for the clock fit
-    (`clock_fit`).
+    measurement. `next`: sequence number of the next sample. A sample always arrives later than the sensor
+    measured it, by a varying delay. So only the arrival with the smallest delay in every second is used for
+    the clock fit (`clock_fit`).
     """
 
     def __init__(self, rate_hz: float, clock_error: float) -> None:
@@ -66,7 +66,7 @@ class FifoClock:
     def begin(self, rate_hz: float, clock_error: float) -> None:
         """Start to estimate the clock of a sensor that was just set up. It may be another sensor than before.
 
-        The numbers of the samples continue.
+        The sequence numbers of the samples continue.
         """
         self._nominal_ns = NS_PER_S / rate_hz
         self._block_samples = round(rate_hz)
@@ -74,7 +74,7 @@ class FifoClock:
         self.forget()
 
     def forget(self) -> None:
-        """Forget all measurements of the sensor's clock. The numbers of the samples continue."""
+        """Forget all measurements of the sensor's clock. The sequence numbers of the samples continue."""
         self._blocks: deque[tuple[int, int]] = deque(maxlen=BLOCKS_KEPT)
         self._earliest: tuple[int, int] | None = None
         self._block_end = 0
@@ -93,11 +93,10 @@ class FifoClock:
         return not least - SLACK <= waiting <= most + SLACK
 
     def resume(self, waiting: int, empty: Span, seen_ns: int) -> Resumed:
-        """Skip the numbers of samples that were lost, and return how many these are.
+        """Skip the sequence numbers of the samples that were lost, and return how many samples these are.
 
-        Their number follows from the time between the last sample before the loss and the first one after it.
-        `empty`: interval in which the FIFO was empty for the last time. `waiting`: number of samples that it
-        held at `seen_ns`.
+        The time from the last sample before the loss to the first one after it says how many. `empty`:
+        interval in which the FIFO was last empty. `waiting`: number of samples in the FIFO at `seen_ns`.
         """
         empty_ns = empty.before_ns
         first_ns = seen_ns - (waiting - 1) * self._period_ns
@@ -122,7 +121,7 @@ class FifoClock:
         return Resumed(step - 1, doubt)
 
     def take(self, n: int, waiting: int, seen_ns: int, *, timely: bool) -> list[tuple[int, int]]:
-        """Return number and arrival time of each of the `n` samples that are taken from the FIFO.
+        """Return sequence number and arrival time of the `n` samples that are taken from the FIFO.
 
         `waiting`: number of samples that the FIFO held at `seen_ns`; the oldest `n` of them are taken.
         `timely`: whether they were counted so quickly that `seen_ns` can be used to estimate the clock.

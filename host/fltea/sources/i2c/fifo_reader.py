@@ -48,14 +48,14 @@ class Unchecked(NamedTuple):
 
 
 class NominalTime:
-    """Gives samples their device time, at the sensor's nominal rate, by their numbers."""
+    """Computes the device times of samples from their sequence numbers and the sensor's nominal rate."""
 
     def __init__(self, rate_hz: float) -> None:
         self._origin = (0, 0.0)
         self._period_us = 1e6 / rate_hz
 
     def begin(self, number: int, rate_hz: float) -> None:
-        """Go on at another nominal rate after the sample with this number."""
+        """Go on at another nominal rate after the sample with this sequence number."""
         self._origin = (number, self.us(number))
         self._period_us = 1e6 / rate_hz
 

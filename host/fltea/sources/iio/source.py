@@ -237,7 +237,7 @@ class IioSource:
             rest = rest[whole:]
 
     def _hand_on(self, reader: "_Reader", pieces: Iterator[Numbered], now_ns: int) -> Iterator[Event]:
-        """Yield the events of samples that got their numbers, and count those that were left out."""
+        """Yield the events of samples that got a sequence number, and count those that were left out."""
         numbers = reader.numbers
         duplicates, unrated = numbers.duplicates, numbers.unrated
         for piece in pieces:
@@ -305,7 +305,7 @@ class _Reader:
             )
 
     def take(self, data: bytes, now_ns: int) -> Iterator[Numbered]:
-        """Number the samples of whole scans, and yield the samples' counts with their numbers."""
+        """Number the samples of whole scans, and yield the samples' counts with their sequence numbers."""
         counts = self._layout.decode(data)
         names = self._channels[GYRO] + self._channels[ACCEL]
         values = np.stack([counts[name] for name in names], axis=1).astype(np.float64)
