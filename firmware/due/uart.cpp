@@ -33,17 +33,17 @@ static_assert(kRingBytes >= 2 * kMaxWire && (kRingBytes & (kRingBytes - 1)) == 0
 uint8_t ring[kRingBytes];
 uint32_t written;        // number of bytes that the main loop has put into the ring
 volatile uint32_t sent;  // number of bytes that the interrupt handler has taken out of the ring
-uint32_t in_flight;      // number of bytes that the PDC (the DMA controller) is sending
+uint32_t in_flight;      // number of bytes that the DMA controller (PDC) is sending
 
-// Passes the next contiguous piece of the ring buffer to the PDC, if there is one. Call this with interrupts
-// disabled, and only when the PDC is not sending.
+// Passes the next contiguous piece of the ring buffer to the DMA controller (PDC), if there is one. Call this
+// with interrupts disabled, and only when the DMA controller is not sending.
 void send_next_piece() {
     const uint32_t begin = sent % kRingBytes;
     const uint32_t waiting = written - sent;
     const uint32_t to_end = kRingBytes - begin;
     in_flight = waiting < to_end ? waiting : to_end;
     if (in_flight == 0) {
-        // The flag ENDTX stays set while the PDC is idle, so its interrupt has to be disabled.
+        // The flag ENDTX stays set while the DMA controller is idle, so its interrupt has to be disabled.
         UART_IDR::write(UART_IDR::ENDTX);
         return;
     }
@@ -68,8 +68,9 @@ void Uart::start() {
     cortex_m3::enable_irq(UART_IRQ);
 }
 
-// Bytes that the PDC has already sent count as free, even before the PDC has sent the whole piece of the ring
-// that it was given. The class Link (core/link.h) relies on this: it expects the room to grow byte by byte.
+// Bytes that the DMA controller has already sent count as free, even before it has sent the whole piece of
+// the ring that it was given. The class Link (core/link.h) relies on this: it expects the room to grow byte
+// by byte.
 size_t Uart::room() {
     cortex_m3::InterruptLock lock;
     return kRingBytes - (written - sent) + (in_flight - UART_TCR::read());

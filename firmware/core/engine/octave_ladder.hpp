@@ -266,7 +266,7 @@ class OctaveLadder {
         if (memory_.fades()) whole_.drop_before(memory_.oldest(now), step(depth_));
     }
 
-    // Drops at least n samples, the oldest ones, of the level whose samples are kept.
+    // One level, depth(), keeps its samples. Drops the oldest of them, n or a few more.
     void drop_oldest(int n) {
         int left = n;
         for (int i = 0; i < whole_.stretches() && left > 0; ++i) {

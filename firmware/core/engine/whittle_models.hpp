@@ -139,7 +139,7 @@ void bounds(const Model<R>& model, R* low, R* high) {
     low[0] = math::fmin(low[0], high[0]);
 }
 
-// The numbers of a spectrum: its shapes (such as α and g) and its variances. If the scale is free, they are
+// What determines a spectrum: its shapes (such as α and g) and its variances. If the scale is free, these are
 // the variances at scale 1. `chain`: derivatives by the free parameters. A row has the derivatives of a
 // shape, of the logarithm of a part's variance, or (last row) of the logarithm of the white noise's variance.
 // A column belongs to a free parameter.
@@ -184,8 +184,8 @@ void map_shares(const R* theta, int shapes, int parts, Mapped<R>& out) {
     out.natural.white = rest;
 }
 
-// Computes the numbers of the fractional model's spectrum from its free parameters. Returns false if there is
-// no spectrum for these parameters.
+// Computes what determines the spectrum of the fractional model from its free parameters: the order α, the
+// feedback g and the variances. Returns false if no spectrum has these parameters.
 template <class R>
 bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
     R& alpha = out.natural.shape[0];

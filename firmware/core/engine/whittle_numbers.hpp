@@ -27,8 +27,8 @@ enum Family : int {
     kFamilies
 };
 
-// Sizes of the arrays that hold the numbers of a spectrum, for the number type R. kShapes: the numbers that
-// determine the form of the spectrum, such as an order. kParts: parts in addition to white noise. kFree: free
+// Sizes of the arrays in Natural, for the number type R. kShapes: the numbers that determine the form of a
+// spectrum, such as an order. kParts: parts in addition to white noise. kFree: free
 // parameters of a fit.
 template <class R>
 struct Room {
@@ -48,7 +48,7 @@ struct Most {
     enum { kNumbers = Room<R>::kShapes + Room<R>::kParts + 1 };
 };
 
-// The numbers of a spectrum: the variances of its parts, the variance `white` of the white noise, and the
+// What determines a spectrum: the variances of its parts, the variance `white` of the white noise, and the
 // numbers `shape`, which determine the form. For each family, `shape` contains:
 //   fractional model: order α, feedback g
 //   ARFIMA: order d, coefficient φ

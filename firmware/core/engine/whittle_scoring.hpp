@@ -180,8 +180,9 @@ struct Patience {
     int steps;    // largest number of evaluations
     R tolerance;  // the search ends when a step promises to decrease -log L by less than this
     R inside;     // the search ends when -log L is below this
-    // The search is given up if two steps in a row are hopeless. A step is hopeless if it is whole (Promise)
-    // and -log L would stay above this number even with 20 times the decrease that the step promises.
+    // The search is given up after two hopeless steps, one after the other. A step is hopeless if no limit
+    // has shortened it, and if -log L would be above this number even after 20 times the decrease that the
+    // derivatives predict for the step.
     R outside;
 };
 
