@@ -125,7 +125,7 @@ def test_each_row_tells_whether_the_innovations_are_white_however_rows_are_cut()
     """After every hundred innovations, a test decides whether they are white. Each row has the latest
     decision, however the rows are divided into blocks.
 
-    The first axis has noise behind a low-pass, the second white noise, and the third noise that is coloured
+    The first axis has noise after a low-pass, the second white noise, and the third noise that is coloured
     for a while.
     """
     y = noise(4000, quantised=False)

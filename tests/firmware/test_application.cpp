@@ -260,7 +260,7 @@ TEST_CASE(
             rig.sink.size = 1000;
             rig.start_and_settle();
             // Months pass in steps of half an hour, during which the program does not run. The sampling
-            // instants of this time are counted all the same.
+            // instants of this time are counted nevertheless.
             const uint64_t half_hour = 1800 * kS;
             while (rig.clock.us() < end_us - 10 * kS) {
                 rig.clock.pass(std::min(half_hour, end_us - 10 * kS - rig.clock.us()));

@@ -206,7 +206,7 @@ TEST_CASE("recovery: unplugged and plugged in again: a new start, said by HELLO 
         rig.run(20 * kS);
         CHECK(rig.fault_count(FaultCode::sensor_missing) >= 18);
         CHECK(rig.samples().size() == samples);
-        // the sampling instants without the sensor are counted all the same
+        // sampling instants are counted while the sensor is unplugged, too
         CHECK(rig.status().overruns > 1900);
         rig.bus.plugged = true;
         rig.chip.quiet = false;

@@ -74,7 +74,7 @@ def test_the_mean_of_the_rate_about_the_bias_is_of_both() -> None:
 
 
 def test_noise_that_a_filter_has_coloured_is_not_in_the_bias() -> None:
-    """The samples are white noise behind a low-pass of the sensor, so neighbouring samples are alike.
+    """The samples are white noise after a low-pass of the sensor, so neighbouring samples are alike.
 
     So the tracker can predict a part of the next noise. Bias(T), the expected mean of the bias over the next
     T seconds, leaves this part out. The mean of the samples, with which Bias(T) is compared, contains it.
@@ -88,6 +88,6 @@ def test_noise_that_a_filter_has_coloured_is_not_in_the_bias() -> None:
 
 
 def _filtered(seed: int) -> Array:
-    """Return white noise of variance 0.01 behind a second-order low-pass, plus a constant 3."""
+    """Return white noise of variance 0.01 after a second-order low-pass, plus a constant 3."""
     b, a = butter(2, 8.0, fs=1 / H)
     return np.asarray(3 + lfilter(b, a, white(seed, N + 500) - 3)[500:])

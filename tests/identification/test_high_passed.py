@@ -16,7 +16,7 @@ OPTIONS = IdentifyOptions(shuffles=0)
 
 
 def coupled(n: int, seed: int) -> np.ndarray:
-    """Return the output of a sensor behind a high-pass of one pole. The sensor has white noise, and a bias of
+    """Return the output of a sensor after a high-pass of one pole. The sensor has white noise, and a bias of
     1 that does a random walk.
     """
     rng, pole = np.random.default_rng((51, seed)), np.exp(-2 * np.pi * CORNER_HZ * H)

@@ -1,4 +1,4 @@
-"""Tests of noise behind a low-pass, for which FLTEA's α has no meaning: if α is given with a small σ, there
+"""Tests of noise after a low-pass, for which FLTEA's α has no meaning: if α is given with a small σ, there
 is always a warning.
 """
 
@@ -20,7 +20,7 @@ N = 6_000
 
 
 def behind(name: str, seed: int, std: float = 0.14) -> np.ndarray:
-    """Return white noise behind one of the low-pass filters, at 100 Hz."""
+    """Return white noise after the low-pass filter `name` of FILTERS. The sampling rate is 100 Hz."""
     b, a = butter(*FILTERS[name], fs=1 / H)
     y = lfilter(b, a, white(N + 500, 1, seed)[0])[500:]
     return np.asarray(y * (std / y.std()))

@@ -40,7 +40,8 @@ def test_mean_and_spread_are_those_of_simulations(name: str) -> None:
     """Mean and degrees of freedom of Allan variances agree with those of simulations, within the errors of
     the simulations.
 
-    The error of the simulated degrees of freedom includes 12 / degrees, the excess kurtosis of chi-squared.
+    The simulated degrees of freedom follow from the variance of n simulated Allan variances. The relative
+    error of that variance is √((2 + e) / n), where e = 12 / degrees is the excess kurtosis of chi-squared.
     """
     model, factors = MODELS[name], averaging_factors(N)
     deviation, degrees = expected(model, H, factors, differences(factors, [N]))

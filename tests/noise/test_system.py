@@ -114,7 +114,7 @@ def test_behind_a_high_pass_it_is_right_but_for_what_no_filter_can_do_without(na
     """The error of the system's spectrum is small compared with the noise before the high-pass filter.
 
     The filter leaves almost nothing of some frequencies. The system has a small white noise R there, because
-    no Kalman filter works without one. So the error is not compared with the noise behind the filter.
+    no Kalman filter works without one. So the error is not compared with the noise after the filter.
     """
     check_high_passed(HIGH_PASSED[name], 0.01)
 
@@ -228,7 +228,7 @@ def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
 @pytest.mark.parametrize(
     ("parts", "signal"),
     [
-        # white noise behind a filter in the sensor that averages exponentially
+        # white noise after a filter in the sensor that averages exponentially
         ([p.White(1e-10), p.Relaxation(0.0335, 0.045)], [0.0]),
         # filtered white noise that was rounded to counts
         ([p.White(2e-6), p.Relaxation(0.0335, 0.045)], [0.0]),

@@ -155,7 +155,7 @@ def test_the_index_is_found_where_bytes_before_it_are_missing(bags: dict[str, Ba
 
 
 def test_a_damaged_message_is_not_read_with_bytes_of_the_next_one(tmp_path: Path) -> None:
-    """A chunk that is not compressed is read on behind a hole in it."""
+    """A chunk that is not compressed is read on after a hole in it."""
     path = write_bag(tmp_path / "rest.bag", {"/imu": MESSAGES}, chunk_bytes=CHUNK_BYTES)
     bag = Bag(path.read_bytes(), "rest.bag")
     _, begin, end = bag.chunks[2]

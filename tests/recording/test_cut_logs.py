@@ -166,7 +166,7 @@ PART_BYTES = ROWS * 3 * 8
 
 
 def in_parts(path: Path, stated: object = 0.01) -> list[int]:
-    """Write a TDMS file in some parts; return where each begins, and the end."""
+    """Write a LabVIEW file (TDMS) in parts. Return where each part begins, and where the file ends."""
     with TdmsWriter(path) as out:
         for part in VALUES:
             out.write_segment(

@@ -1,4 +1,7 @@
-"""Tests logs of flight controllers and measuring devices: sensors, queues, batches, scales and clocks."""
+"""Tests that logs of flight controllers (PX4, ArduPilot) and measuring devices (LabVIEW, ASAM MDF) are read.
+
+In some logs, one message has several samples: those that waited in the sensor's FIFO, or a batch.
+"""
 
 import struct
 from collections.abc import Iterable
@@ -26,8 +29,8 @@ OTHER = np.random.default_rng(2).normal(scale=0.02, size=(N, 3)).astype(np.float
 
 
 def opened(kind: str, path: Path, **how: Any) -> Stored:
-    """Open a log. All kinds but ULog are opened in a reader process. Their libraries keep files open, or have
-    to be patched so that they write no files, which would last in the tests' own process.
+    """Open a log. All kinds but PX4's (ulg) are opened in a reader process. Their libraries keep files open,
+    or have to be patched so that they write no files, which would last in the tests' own process.
     """
     return (
         open_here(kind, path, **how)
@@ -100,7 +103,7 @@ def test_the_unit_of_a_px4_topic_is_its_documentations(tmp_path: Path) -> None:
 
 
 def queue(counts: Iterable[int], true_us: float, dt_us: float) -> tuple[bytes, Any]:
-    """Return a ULog file with messages of a sensor's queue, and the samples in them. Such a queue (FIFO)
+    """Return a PX4 log with messages of a sensor's queue, and the samples in them. Such a queue (FIFO)
     holds the samples since it was last read, so each message has several samples: `counts` says how many.
     """
     counts = list(counts)
@@ -208,7 +211,7 @@ def test_a_log_of_ardupilot_without_samples_says_what_it_has(tmp_path: Path) -> 
     assert "no messages GYR or IMU or ISB; it has FMT, GPS" in text
 
 
-# --- TDMS ---
+# --- LabVIEW (TDMS) ---
 
 
 def tdms(path: Path, segments: list[dict[str, Any]], properties: dict[str, Any], **how: Any) -> Stored:
@@ -267,7 +270,7 @@ def test_channels_of_tdms_with_different_steps_are_no_sensor(tmp_path: Path) -> 
         opened("tdms", path)
 
 
-# --- MF4 ---
+# --- ASAM MDF, of vehicles (MF4) ---
 
 
 def mf4(path: Path, groups: dict[str, list[asammdf.Signal]]) -> Path:

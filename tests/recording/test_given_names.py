@@ -85,7 +85,7 @@ def test_a_title_of_three_columns_names_each(header: str, separator: str, tmp_pa
 
 
 def test_columns_by_position_below_a_title_are_in_its_unit(tmp_path: Path) -> None:
-    """The unit stands behind the last axis alone, and is that of all three."""
+    """The unit stands after the last axis alone, and is that of all three."""
     text = text_of("Time (s),Gyro X,Y,Z (deg/s)")
     why = "Gyro X (deg/s) is in deg/s by its name or the row of units, and --units rad/s says otherwise"
     assert why in refusal(tmp_path, text, columns=["2"], time_column="1", units="rad/s")

@@ -156,7 +156,7 @@ def test_a_length_that_lies_costs_no_chunk_and_is_named(case: Case, which: int, 
 
 
 def test_an_index_whose_wrong_length_ends_where_a_later_record_begins_costs_no_chunk(case: Case) -> None:
-    """A wrong length of a message index makes the index end exactly where the chunk behind it ends. A reader
+    """A wrong length of a message index makes the index end exactly where the chunk after it ends. A reader
     that trusted the length would lose this chunk without notice.
     """
     first = next(k for k, (kind, _, _) in enumerate(case.places) if kind == Opcode.MESSAGE_INDEX)

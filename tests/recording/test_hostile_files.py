@@ -73,7 +73,7 @@ def test_a_chunk_that_lies_about_its_size_is_damaged_and_costs_little(name: str,
     record(tmp_path, transport(samples=60), channels=())
     (path,) = tmp_path.glob("*.mcap")
     data = path.read_bytes()
-    # a chunk that declares a false size or compression is inserted behind the 8 bytes that begin the file
+    # a chunk that declares a false size or compression is inserted after the 8 bytes that begin the file
     path.write_bytes(data[:8] + hostile_files.MCAP_LIES[name]() + data[8:])
     results, grown_mb = probed(["info", path], ["recover", path, "--in-place"])
     assert [code for code, _ in results] == [1, 0], results

@@ -144,15 +144,15 @@ def test_messages_are_read_as_rosbags_writes_them(
 @pytest.mark.parametrize("frame", ["imu", "imu0", "imu_link", ""])
 def test_messages_of_xcdr_2_are_aligned_to_four_bytes(frame: str) -> None:
     ((_, data),) = serialised(Messages([START_NS], [[1.5, 2.5, 3.5]], [[4.5, 5.5, 6.5]], frame=frame), False)
-    # length of the message up to the end of the frame id: CDR header, two numbers and the text's length, then
-    # the text and its final zero
+    # length of the message up to the end of the frame id: header of ROS 2's encoding, two numbers and the
+    # text's length, then the text and its final zero
     text = 4 + 12 + len(frame) + 1
     numbers = data[len(data) - 37 * 8 :]
     packed = b"\0\7\0\0" + data[4:text] + bytes(-text % 4) + numbers
     found = read_imu([packed], "cdr")
     assert found.gyro.tolist() == [[1.5, 2.5, 3.5]]
     assert found.accel.tolist() == [[4.5, 5.5, 6.5]]
-    # a CDR header that states a parameter list: such messages are not read
+    # a header that states the encoding as a parameter list: such messages are not read
     assert not len(read_imu([b"\0\2\0\0" + packed[4:]], "cdr").row)
 
 

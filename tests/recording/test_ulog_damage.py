@@ -1,4 +1,4 @@
-"""If a ULog file of PX4 is damaged anywhere, its intact parts are read, and the losses are reported."""
+"""If a log of PX4 (ULog) is damaged anywhere, its intact parts are read, and the losses are reported."""
 
 import struct
 from collections.abc import Callable
@@ -103,7 +103,7 @@ def test_all_messages_beside_any_damage_are_read(at: int, new: bytes, gone: int)
 
 
 def test_padding_behind_the_last_field_may_be_logged_or_not(tmp_path: Path) -> None:
-    """A ULog message may be logged with or without the padding after its last field.
+    """A message in a PX4 log may be logged with or without the padding after its last field.
 
     The library pyulog takes messages with padding for damaged, but they are read here.
     """

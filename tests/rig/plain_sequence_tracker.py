@@ -54,7 +54,7 @@ def steps_between(last: RawSample, raw: RawSample, hello: Hello) -> int | None:
 
 
 class RateWatch:
-    """Detects whether the times and numbers of samples show another sampling rate than the HELLO states."""
+    """Detects if times and sequence numbers of samples show another sampling rate than the HELLO states."""
 
     def __init__(self) -> None:
         self.begin()

@@ -61,7 +61,7 @@ def snapshot(settings: Config, samples: int = 200, **changes: object) -> DeviceS
 
 def later(state: DeviceState, settings: Config, begin: int, end: int, **changes: object) -> list[AnyRecord]:
     """Return the records of a later run that continues from a snapshot. The board was reset, and the run's
-    first sample has the number `begin`.
+    first sample has the sequence number `begin`.
     """
     pipeline = Pipeline(source(), settings, state=state)
     said = hello(**{"boot_id": 99, "host_ns": begin * PERIOD_NS, **changes})

@@ -181,7 +181,7 @@ NUMBER = r"([-+]?\d[\d,]*(?:\.\d+)?)"
 def shown_in(figure: Figure, text: str) -> list[float]:
     """Return the values in a text with a unit that people may read for this figure, in the base unit.
 
-    The unit stands behind the number, or at the end of a key of JSON.
+    The unit stands after the number, or at the end of a key of JSON.
     """
     unit = unit_of(figure)
     assert unit is not None

@@ -117,7 +117,10 @@ def fields_of_records() -> frozenset[str]:
 
 
 def unknown_settings(text: str) -> set[str]:
-    """Return names `table.name` in a text that look like settings, but are none of that table."""
+    """Return names in a text that look like settings, as `link.no_such` does, but are none.
+
+    Names of record fields may look the same, and are not returned.
+    """
     tables = {name.partition(".")[0] for name in settings() if "." in name}
     named = re.findall(rf"`((?:{'|'.join(sorted(tables))})(?:\.[a-zA-Z]\w*)+)(?: ?=[^`]*)?`", text)
     return {name for name in named if name not in settings() and name not in fields_of_records()}

@@ -21,7 +21,7 @@ DEG = 180 / np.pi
 class Found(NamedTuple):
     """The samples that were read from a text.
 
-    `seq`: numbers of the samples, counted from the first sample of the run of the logger that they belong to.
+    `seq`: sequence numbers of the samples. They begin with 0 at each start of the logger.
     """
 
     gyro: list[list[float]]

@@ -99,7 +99,7 @@ def test_each_thing_that_may_happen_is_the_same_however_it_is_read(what: str) ->
 
 def test_a_last_block_whose_end_cannot_be_used_ends_where_it_ends() -> None:
     """The last samples are not accepted, since the device's time jumps before them. The last statistics have
-    the time of the last sample all the same.
+    the time of the last sample nevertheless.
     """
     check_any_reads(Story(0, 201, ((199, "jump"),), (1,)), [], [3], {})
 

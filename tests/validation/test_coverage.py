@@ -26,7 +26,7 @@ def test_each_published_interval_has_a_row_or_a_reason() -> None:
 
 
 FITTED = [kind for kind in p.CODES if kind.row().free_parameters]
-"""Kinds of parts with free parameters, which have intervals."""
+"""Kinds of parts of noise models that have free parameters. A fit gives an interval for each parameter."""
 
 
 @pytest.mark.parametrize("kind", FITTED, ids=lambda kind: kind.tag())

@@ -47,8 +47,8 @@ bool edges_run() {
 }
 
 // Simulates a transfer of `bits` bits, which takes its usual time and returns true. The transfer fails if it
-// hangs, if a line of the bus is held low, or if the pins are not connected to the controller. Then Wire
-// waits until its time limit, `waits` times in a row, and this returns false.
+// hangs, if a line of the bus is held low, or if the pins are not connected to the controller. A failed
+// transfer returns false, and takes `waits` time limits of Wire, the Arduino library for I2C.
 bool transfer(unsigned bits, unsigned waits) {
     const bool connected =
         board.pins[PIN_WIRE_SDA].owner == Pin::wire && board.pins[PIN_WIRE_SCL].owner == Pin::wire;
