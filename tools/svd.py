@@ -9,8 +9,8 @@ Peculiarities of this file that matter here; `read` handles all of them:
   are other views of the first register. They divide the same bits into other fields.
 * A register without a resetValue is write-only, or it follows pins (PIO_PDSR) or events (UART_SR).
 * TWI_THR, PTCR and some other write-only registers have a reset value, which a program can never see.
-* The PDC's registers are listed in each peripheral that has a PDC (offsets 0x100 to 0x124), not in a
-  peripheral of their own.
+* The registers of the DMA controller (PDC) are listed in each peripheral that uses it (offsets 0x100 to
+  0x124), not in a peripheral of their own.
 * SysTick, NVIC and SCB belong to the Cortex-M3 and are not in this file.
 """
 

@@ -84,7 +84,7 @@ class InlineWorker(FitWorker):
 
 
 class LastRefit:
-    """Counts how often each task was running when the timer of processor time interrupted it."""
+    """Handles the signal of the timer of processor time: counts which task was running at each signal."""
 
     def __init__(self, worker: InlineWorker) -> None:
         self.seen: Counter[str] = Counter()

@@ -5,8 +5,8 @@ The test shows whether the memory stays constant, and whether all losses are cou
 `make bench ARGS='--soak [--hours 24] [--seed 1]'`. A device sends samples, HELLO and STATUS in virtual time.
 On the way to the host, frames are lost, bits flip, and the port is silent for a while. Now and then the board
 is reset. The bytes pass through the same functions as in `fltea run`, into NDJSON. Then the numbers at both
-ends are compared. For each boot, the number of samples from the first to the last that the host used must
-equal the number of samples that were delivered or counted as lost.
+ends are compared: in each boot, every sequence number from the first to the last that the host used must have
+been delivered or counted as lost.
 """
 
 import gc
@@ -79,8 +79,8 @@ def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
 class Seen:
     """What the host reports.
 
-    `epochs`: for each epoch (a run of samples without restart) its boot, the numbers of its first and last
-    sample, and its counts. `stats`: the newest statistics.
+    `epochs`: for each epoch (a run of samples without restart) its boot, the sequence numbers of its first
+    and last sample, and its counts. `stats`: the newest statistics.
     """
 
     def __init__(self) -> None:

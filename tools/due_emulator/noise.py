@@ -75,7 +75,6 @@ class Constant:
         self.motion = Motion(rate_dps, accel_g, celsius)
 
     def at(self, now_ns: int) -> Motion:
-        """Return the motion, which is the same at any time."""
         return self.motion
 
 

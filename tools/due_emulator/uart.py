@@ -72,7 +72,7 @@ class Transmitter(Peripheral):
         return self.machine.mck_hz / (oversampling * (divider + self.field("BRGR", "FP") / 8))
 
     def on_write(self, register: str, value: int) -> None:
-        """Write a register: a command, a byte to send, interrupts, the PDC, or a setting."""
+        """Write a register: a command, a byte to send, interrupts, the DMA controller (PDC), or a setting."""
         r = self.registers
         match register:
             case "CR":

@@ -248,9 +248,9 @@ def _high_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) 
 
 
 def _high_passed_relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """Note the right verdicts on relaxations behind a high-pass.
+    """Note the right verdicts on relaxations after a high-pass.
 
-    Right are "relaxations" and "high-pass". The spectrum may also look like a fractional order behind a
+    Right are "relaxations" and "high-pass". The spectrum may also look like a fractional order after a
     high-pass, or like a random walk. Verdicts that name those are then right or accepted.
     """
     notes.right.add("high-pass")
