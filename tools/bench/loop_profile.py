@@ -83,7 +83,7 @@ class InlineWorker(FitWorker):
         return made
 
 
-class LastRefit:
+class Profiler:
     """Handles the signal of the timer of processor time: counts which task was running at each signal."""
 
     def __init__(self, worker: InlineWorker) -> None:
@@ -112,7 +112,7 @@ def measure() -> dict[str, Any]:
 
 def _measure(at_once: int) -> dict[str, Any]:
     source, worker = FedSource("profile", prompt=False), InlineWorker()
-    last_refit = LastRefit(worker)
+    profiler = Profiler(worker)
     pipeline = Pipeline(source, load_config(None, {"source": "serial:profile"}), fit_worker=worker)
     reads = list(_reads(at_once))
     with FileIO(os.devnull, "wb") as stream:
@@ -127,7 +127,7 @@ def _measure(at_once: int) -> dict[str, Any]:
 
         list(source.wire.feed(Opened(0), 0))
         process(reads[: WARM_UP // at_once])
-        before = signal.signal(signal.SIGPROF, last_refit)
+        before = signal.signal(signal.SIGPROF, profiler)
         signal.setitimer(signal.ITIMER_PROF, SAMPLE_S, SAMPLE_S)
         begin_s = time.process_time()
         process(reads[WARM_UP // at_once :])
@@ -135,8 +135,8 @@ def _measure(at_once: int) -> dict[str, Any]:
         signal.setitimer(signal.ITIMER_PROF, 0)
         signal.signal(signal.SIGPROF, before)
     us = 1e6 * cpu_s / (len(reads) - WARM_UP // at_once)
-    total = sum(last_refit.seen.values())
-    shares = {part: us * last_refit.seen[part] / total for part in (*PARTS, OTHER, BESIDE)}
+    total = sum(profiler.seen.values())
+    shares = {part: us * profiler.seen[part] / total for part in (*PARTS, OTHER, BESIDE)}
     return {"us_a_read": us, "times_looked": total, "parts_us": shares}
 
 
