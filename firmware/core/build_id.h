@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "e6ffe105";
+constexpr char kBuildId[] = "1c94ba24";
 
 }  // namespace fltea
