@@ -195,3 +195,32 @@ def test_pieces_of_any_length_give_the_same_rows(size: int) -> None:
     assert numbers.tolist() == [*range(2, N + 2), *range(2 * N + 4, 3 * N + 4)]
     assert reader.bad.counts == {"header": 2 * N + 2}
     assert reader.lines == 4 * N + 4
+
+
+@pytest.mark.parametrize(
+    ("header", "samples"),
+    [
+        ("t,gx,gy,gz", 2 * N),
+        ("t_s,gx [dps],gy [dps],gz [dps]", 2 * N),
+        ("t,gz,gy,gx", N),
+        ("t_ms,gx,gy,gz", N),
+        ("t,gx [rad/s],gy [rad/s],gz [rad/s]", N),
+        ("t,ax,ay,az", N),
+    ],
+)
+def test_the_first_names_of_columns_by_position_may_come_late(
+    header: str, samples: int, tmp_path: Path
+) -> None:
+    """So they do if the program began to read before a board started again and printed its header. Names of
+    other columns, or in another order or unit, still begin rows that are left out.
+    """
+    found = stored(
+        tmp_path,
+        text_of(rows(0), [header], rows(0)),
+        columns=["2", "3", "4"],
+        units="dps",
+        time_column="1",
+        time_unit="s",
+    )
+    assert found.samples == samples
+    assert len(found.notes) >= 1

@@ -157,6 +157,8 @@ class OtherColumns:
         names = _names_in(text, layout.separator)
         if text in layout.again[:1] or names == layout.chosen.names or self._is_header(text):
             return "gyroscope" if any(map(axis_of, names)) else "names"
+        if _are_of_gyro(names, layout.chosen, layout.usual):
+            return "gyroscope"
         is_loose = layout.separator is None or is_comment(text)
         if _are_others(names, layout.chosen.names, layout.usual, is_loose=is_loose):
             return "other names"
@@ -166,6 +168,18 @@ class OtherColumns:
             return "" if _are_same_units(units, layout.chosen) else "other names"
         said = _said(text, layout.chosen)
         return "" if not said else "facts" if all(said) else "other facts"
+
+
+def _are_of_gyro(found: Sequence[str], chosen: Chosen, width: int) -> bool:
+    """Return whether a line names columns that had no names so far, and agrees with what is read from them.
+
+    A board that starts again, for instance, prints its header to a program that began to read below it.
+    `width`: number of the columns.
+    """
+    if len(found) != width or not all(name.isdecimal() for name in chosen.names):
+        return False
+    axes = tuple(axis_of(found[place]) for place in chosen.gyro)
+    return axes == chosen.axes and _are_same_units([unit_in(name) for name in found], chosen)
 
 
 def _are_same_units(units: Sequence[str], chosen: Chosen) -> bool:
