@@ -46,6 +46,13 @@ def texts(struct: type) -> dict[str, str]:
     return found
 
 
+def _text(struct: type, field: str) -> str:
+    text = texts(struct).get(field)
+    if text is None:
+        raise LookupError(f"{struct.__module__}.{struct.__name__}: write a text below the field `{field}`")
+    return text
+
+
 def records() -> str:
     """Return a section for each record, with a table of its fields and of the fields inside them."""
     common = [("class", "string", "Name of the record, such as `hello`."), *rows(Placed, own=False)]
@@ -76,7 +83,7 @@ def rows(struct: type[msgspec.Struct], path: str = "", *, own: bool = True) -> R
     seen: set[type] = set()
     for field in info.fields:
         if not own or field.name in shown:
-            yield from _of(path + field.encode_name, field.type, texts(struct)[field.name], seen)
+            yield from _of(path + field.encode_name, field.type, _text(struct, field.name), seen)
 
 
 def _of(path: str, kind: types.Type, text: str, seen: set[type]) -> Rows:

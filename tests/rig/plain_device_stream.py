@@ -315,12 +315,7 @@ class PlainDeviceStream:
             startup_remaining=max((one.startup_remaining for one in self._sensors), default=0),
             link=self._source.link_stats(),
             sample_counts=SampleStats(
-                delivered=sequence.delivered,
-                lost=sequence.lost,
-                gaps=sequence.gaps,
-                duplicates=sequence.duplicates,
-                before_hello=sequence.before_hello,
-                rate_differs=sequence.rate_differs,
+                **{name: getattr(sequence, name) for name in SampleStats.__struct_fields__}
             ),
             axes={
                 axis: msgspec.structs.replace(stats, tracker=tracker[axis])
