@@ -9,6 +9,6 @@ from pathlib import Path
 if not sys.flags.safe_path and Path(sys.path[0]) != Path(__file__).parents[1]:
     del sys.path[0]
 
-from fltea.cli.app import main
+from fltea.cli.start import main
 
 main()

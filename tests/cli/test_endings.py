@@ -5,6 +5,7 @@ import select
 import signal
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,31 @@ def test_a_signal_that_interrupts_gives_its_exit_code(
         [sys.executable, "-c", INTERRUPTED, str(int(number)), place, *command], capture_output=True, text=True
     )
     assert (done.returncode, "Traceback" in done.stderr) == (128 + number, False), done.stderr
+
+
+LOADING = """
+import importlib, os, runpy, signal, sys
+entry = sys.argv.pop(1)
+def stop(event, arguments):
+    if event == "import" and arguments[0] == "typer":
+        os.kill(os.getpid(), signal.SIGINT)
+sys.addaudithook(stop)
+module, _, function = entry.partition(":")
+if function:
+    getattr(importlib.import_module(module), function)()
+else:
+    runpy.run_module(module, run_name="__main__")
+"""
+"""Run the command by one of its entry points; Ctrl-C comes while it loads its modules."""
+
+ENTRIES = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]["scripts"]
+
+
+@pytest.mark.parametrize("entry", [ENTRIES["fltea"], "fltea"])
+def test_ctrl_c_while_the_program_loads(entry: str) -> None:
+    command = [sys.executable, "-c", LOADING, entry, "devices"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 
 def piped(text: str) -> tuple[int, bytes, bytes]:

@@ -5,6 +5,6 @@ import sys
 
 if __name__ == "__main__":
     sys.path.insert(0, "/usr/lib/fltea")
-    from fltea.cli.app import main
+    from fltea.cli.start import main
 
     main()
