@@ -261,6 +261,39 @@ workers.close()
     assert int(ignored.split()[1], 16) >> (signal.SIGINT - 1) & 1
 
 
+INTERRUPTED = """
+import os, signal, sys
+from multiprocessing import forkserver
+from fltea.cli.identify import _interrupt_once
+from fltea.identification.workers import Processes
+number = int(sys.argv[1])
+signal.signal(number, _interrupt_once)
+workers, begun, read = Processes(1), [], forkserver.read_signed
+def read_and_stop(descriptor):
+    forkserver.read_signed = read
+    begun.append(read(descriptor))
+    os.kill(os.getpid(), number)
+    return begun[-1]
+forkserver.read_signed = read_and_stop
+try:
+    workers.submit(os.getpid)
+except SystemExit as ended:
+    workers.close()
+    print(ended.code, len(begun), [pid for pid in begun if os.path.exists(f"/proc/{pid}")])
+"""
+"""A program that gets a signal while it starts a worker process. It prints its exit code, the number of
+worker processes that were started, and those that still run.
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_a_process_starts_leaves_none(number: signal.Signals) -> None:
+    """A worker process that was left would find the queues of its parent gone, and print a traceback."""
+    command = [sys.executable, "-c", INTERRUPTED, str(int(number))]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == (f"{128 + number} 1 []\n", "")
+
+
 def test_one_job_needs_no_process() -> None:
     assert isinstance(open_local(1), Here)
     with closing(open_local(3)) as workers:

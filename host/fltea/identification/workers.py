@@ -137,6 +137,27 @@ def _safe_path() -> Iterator[None]:
         os.environ.update({} if before is None else {SAFE_PATH: before})
 
 
+@contextlib.contextmanager
+def _signals_wait() -> Iterator[None]:
+    """Let SIGINT and SIGTERM wait until the end of the block, and then be handled as usual.
+
+    If a signal ended the program while a worker process starts, nobody would know that process and end it.
+    """
+    came: list[int] = []
+    before: dict[signal.Signals, Any] = {}
+    try:
+        if threading.current_thread() is threading.main_thread():  # signals are handled there alone
+            for number in (signal.SIGINT, signal.SIGTERM):
+                if signal.getsignal(number) not in (None, signal.SIG_IGN):
+                    before[number] = signal.signal(number, lambda number, _: came.append(number))
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
+
+
 def _keep_socket_in_our_folder() -> None:
     """Keep the fork server's socket in our folder, which the next run removes if this process is killed.
 
@@ -179,7 +200,7 @@ class Processes(Workers):
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
         """Start a task as soon as a process is free."""
-        with _safe_path():  # if the fork server has died, it is restarted here
+        with _signals_wait(), _safe_path():  # if the fork server has died, it is restarted here
             return self._pool.submit(task, *arguments)
 
     def renew(self) -> None:
