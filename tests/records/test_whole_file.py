@@ -1,7 +1,10 @@
 """Tests that files appear complete or not at all, and that writing never follows another user's link."""
 
 import os
+import signal
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -25,6 +28,31 @@ def test_after_a_failure_all_is_as_it_was(tmp_path: Path) -> None:
     out.write_text("of yesterday")
     with pytest.raises(ZeroDivisionError), whole_file(out) as file:
         file.write(b"half" * (1 // file.tell()))
+    assert out.read_text() == "of yesterday"
+    assert [path.name for path in tmp_path.iterdir()] == ["out.csv"]
+
+
+STOPPED = """
+import os, sys
+from pathlib import Path
+from fltea.records.temporary import work_folder
+from fltea.records.whole_file import whole_file
+with whole_file(Path(sys.argv[1])) as file, work_folder():
+    file.write(b"half")
+    file.flush()
+    print(len(os.listdir(Path(sys.argv[1]).parent)), flush=True)
+    os.kill(os.getpid(), int(sys.argv[2]))
+"""
+"""A program that is ended by a signal while it writes a file."""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_signal_that_ends_the_program_leaves_no_part(number: signal.Signals, tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    out.write_text("of yesterday")
+    command = [sys.executable, "-c", STOPPED, str(out), str(int(number))]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (-number, "2\n"), done.stderr
     assert out.read_text() == "of yesterday"
     assert [path.name for path in tmp_path.iterdir()] == ["out.csv"]
 

@@ -35,7 +35,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 ENDING = signal.SIGTERM, signal.SIGHUP
 
 _IN_USE: set[Path] = set()
-"""Work folders of this process."""
+"""Work folders and files of this process that a signal which ends the process removes."""
 
 
 class TemporaryFailed(FlteaError):
@@ -121,7 +121,7 @@ def work_folder() -> Iterator[Path]:
     Raises:
         TemporaryFailed: the folder cannot be made.
     """
-    with _new_folder() as made, _removed_by_signals(made):
+    with _new_folder() as made, removed_by_signals(made):
         yield made
 
 
@@ -171,17 +171,20 @@ def _temporary_folder() -> Path:
 
 
 @contextlib.contextmanager
-def _removed_by_signals(folder: Path) -> Iterator[None]:
-    """Make SIGTERM and SIGHUP remove the work folders first, unless the program handles these signals."""
+def removed_by_signals(path: Path) -> Iterator[None]:
+    """Make SIGTERM and SIGHUP remove a file or folder before they end the process.
+
+    If the program handles these signals itself, or in another thread than the main one, nothing is done.
+    """
     owner = os.getpid()
 
     def end(number: int, _: object) -> None:
         for used in tuple(_IN_USE) if os.getpid() == owner else ():
-            shutil.rmtree(used, ignore_errors=True)
+            _remove(used)
         signal.signal(number, signal.SIG_DFL)
         os.kill(os.getpid(), number)
 
-    _IN_USE.add(folder)
+    _IN_USE.add(path)
     ours = []
     if threading.current_thread() is threading.main_thread():
         ours = [number for number in ENDING if signal.getsignal(number) == signal.SIG_DFL]
@@ -190,10 +193,16 @@ def _removed_by_signals(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        _IN_USE.discard(folder)
+        _IN_USE.discard(path)
         for number in ours:
             if signal.getsignal(number) is end:
                 signal.signal(number, signal.SIG_DFL)
+
+
+def _remove(path: Path) -> None:
+    shutil.rmtree(path, ignore_errors=True)
+    with contextlib.suppress(OSError):  # it was a folder, and is gone
+        path.unlink()
 
 
 @functools.cache

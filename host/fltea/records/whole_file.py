@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from fltea.records.errors import FlteaError, UsageError
-from fltea.records.temporary import TemporaryFailed, nameless_file
+from fltea.records.temporary import TemporaryFailed, nameless_file, removed_by_signals
 
 KEPT_OF_NAME = 40
 """The name of a temporary file contains at most this number of characters of the final file's name. There is
@@ -30,6 +30,8 @@ NEW = os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_WRONLY | os.O_CLOEXEC
 def whole_file(out: Path) -> Iterator[BinaryIO]:
     """Yield a temporary file to write to; on success it is renamed to `out`, on failure it is deleted.
 
+    It is also deleted if SIGTERM or SIGHUP ends the program.
+
     The temporary file has an unpredictable name in the folder of `out` and is always a new file, so a link
     that another user put there is not followed. Its data are on the disk before it is renamed.
 
@@ -39,6 +41,12 @@ def whole_file(out: Path) -> Iterator[BinaryIO]:
     """
     _check_replaceable(out)
     part = out.parent / f".{out.name[:KEPT_OF_NAME]}.{secrets.token_hex(8)}.part"
+    with removed_by_signals(part), _written(part, out) as file:
+        yield file
+
+
+@contextlib.contextmanager
+def _written(part: Path, out: Path) -> Iterator[BinaryIO]:
     try:
         descriptor = os.open(part, NEW, 0o666)
     except (OSError, ValueError) as error:  # ValueError is raised for a name that holds a NUL
