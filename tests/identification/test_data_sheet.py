@@ -158,6 +158,20 @@ def test_a_sheet_is_a_number_too() -> None:
 
 
 @pytest.mark.parametrize(
+    "text", ["0.34 deg/√h", "0,34 °/sqrt(hr)", "0.34deg/rt(h)", "0.0056666667 deg/√s", "0.0059341195 rad/√h"]
+)
+def test_a_sheet_may_state_the_angle_random_walk(text: str) -> None:
+    """It is N, in the units in which the program shows N, and √2 N is the density. The ADIS16470's sheet
+    states both.
+    """
+    N = 0.34 / 60
+    assert sheet_name(text) == f"{math.sqrt(2) * N:g}"
+    assert float(sheet_name(text)) == pytest.approx(SHEETS["ADIS16470"].density, rel=2e-3)
+    found = compare(sheet_name(text), Level(Interval(N, 0.99 * N, 1.01 * N)), RATE_HZ)
+    assert found.ratio == pytest.approx(1, rel=1e-5)
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
         ("MPU", "Nearest: MPU-9250, MPU-6050."),
@@ -171,7 +185,8 @@ def test_a_sheet_is_a_number_too() -> None:
         ("1,500 mdps/√Hz", "the comma may separate thousands or decimals"),
         ("7,00,0", "is known. Nearest: "),
         ("0.007 furlong/√Hz", "is known. Known are"),
-        ("0.3 deg/√h", "is known. Known are"),
+        ("0.3 deg/h/√h", "is known. Known are"),
+        ("300 deg/√h", "no gyroscope has 7.07107 (deg/s)/√Hz"),
     ],
 )
 def test_what_is_no_sheet_is_said_with_what_is_near_and_how_to_give_a_number(text: str, words: str) -> None:

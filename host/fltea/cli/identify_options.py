@@ -92,7 +92,8 @@ class QuestionOptions:
         typer.Option(
             metavar="PART|DENSITY",
             help="Compare the noise with the data sheet of this gyroscope, such as MPU-9250, or with a rate "
-            "noise density in dps/√Hz, such as 0.007.",
+            "noise density in dps/√Hz, such as 0.007. A figure in deg/√h, such as 0.3deg/√h, is an angle "
+            "random walk N, of which √2 N is the density.",
         ),
     ] = None
     shuffles: Annotated[

@@ -92,7 +92,7 @@ def sheet_name(text: str) -> str:
     """Return a gyroscope's name as it stands in `SHEETS`, or a density in (deg/s)/√Hz as text of a number.
 
     Dashes and capitals in a name do not matter. A density is written as `0.007`, `0,007`, `0.007dps/rtHz` or
-    `7 mdps/√Hz`.
+    `7 mdps/√Hz`; or the angle random walk N is given, as in `0.3 deg/√h`, and √2 N is the density.
 
     Raises:
         UsageError: the gyroscope is not known, or no gyroscope has this density.
@@ -118,14 +118,14 @@ def sheet_name(text: str) -> str:
     raise UsageError(
         f"--sheet {text}: {what}{nearest} Known are {', '.join(SHEETS)}. For another gyroscope give the "
         "rate noise density of its sheet, a number in dps/√Hz or with its unit: --sheet 0.007 or "
-        "--sheet 7mdps/rtHz."
+        "--sheet 7mdps/rtHz; or its angle random walk: --sheet 0.3deg/√h."
     )
 
 
 def _density(text: str) -> float | None:
     """Return the density in (deg/s)/√Hz that a text states, or None.
 
-    A number without a unit is in (deg/s)/√Hz.
+    A number without a unit is in (deg/s)/√Hz. A figure per √h or √s is N, and the one-sided density is √2 N.
     """
     found = _NUMBER.fullmatch(text)
     if found is None:
@@ -133,13 +133,11 @@ def _density(text: str) -> float | None:
     number, unit = float(found["number"].replace(",", ".")), found["unit"].strip()
     if not unit:
         return number
-    # a figure in deg/√h is not a density: it is N, and the one-sided density is √2 N
-    if not _PER_ROOT_HZ.search(unit):
-        return None
     try:
-        return number * factor(unit, "deg/s/√Hz")
+        figure = number * factor(unit, "deg/s/√Hz")
     except ValueError:
         return None
+    return figure if _PER_ROOT_HZ.search(unit) else math.sqrt(2) * figure
 
 
 def on_their_sides(values: Sequence[float], limits: Sequence[float]) -> list[str]:
