@@ -3,12 +3,16 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
+from fltea.cli.app import app
 from fltea.records.errors import UsageError
+from typer.main import get_command
 
 from tests.rig.bag_support import even, write_bag
 from tests.rig.host_support import fltea_here
 
+FILES = ("--export-model", "--imu-yaml", "--gauss-markov", "--allan-csv")
 ROWS = "time_s,gyro_x_dps\n" + "".join(f"{k / 100},{k * 7 % 11}\n" for k in range(600))
 
 
@@ -26,7 +30,7 @@ def recording(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("flag", ["--export-model", "--imu-yaml", "--gauss-markov", "--allan-csv"])
+@pytest.mark.parametrize("flag", FILES)
 @pytest.mark.parametrize("through", ["name", "link", "hard link", "folder"])
 def test_a_recording_is_not_replaced(flag: str, through: str, recording: Path, tmp_path: Path) -> None:
     named = out = recording
@@ -64,6 +68,22 @@ def test_a_configuration_and_another_output_are_not_replaced(recording: Path, tm
 def test_an_export_does_not_replace_its_recording_even_if_forced(recording: Path) -> None:
     refused(f"--to {recording}: is the recording itself", "export", recording, "--to", recording, "--force")
     assert recording.read_text() == ROWS
+
+
+def test_identify_replaces_earlier_files_as_its_help_says(tmp_path: Path) -> None:
+    """They are results, written again when the recording is identified again with other options."""
+    recording = tmp_path / "rest.csv"
+    np.savetxt(recording, np.random.default_rng(5).normal(size=(3000, 1)), header="gyro_x_dps", comments="")
+    options = get_command(app).commands["identify"].params  # type: ignore[attr-defined]
+    helps = {option.opts[0]: option.help for option in options if "--" in option.opts[0]}
+    command: list[str | Path] = ["identify", recording, "--rate", "100", "--shuffles", "0", "--jobs", "1"]
+    for flag in FILES:
+        assert "Replaces an existing file" in helps[flag], flag
+        (tmp_path / flag).write_text("of yesterday")
+        command += [flag, tmp_path / flag]
+    done = fltea_here(*command)
+    assert done.returncode == 0, done.stderr
+    assert not [flag for flag in FILES if (tmp_path / flag).read_text() == "of yesterday"]
 
 
 def test_a_simulation_replaces_a_file_only_if_asked(recording: Path, tmp_path: Path) -> None:

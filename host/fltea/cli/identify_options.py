@@ -166,8 +166,8 @@ class ExportOptions:
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write the noise model of one recording, for `fltea simulate --model`. This and the next "
-            "files replace existing ones, but never a recording.",
+            help="Write the noise model of one recording, for `fltea simulate --model`. Replaces an existing "
+            "file, but never a recording; so do the other files that identify writes.",
         ),
     ] = None
     imu_yaml: Annotated[
@@ -175,7 +175,8 @@ class ExportOptions:
         typer.Option(
             "--imu-yaml",
             metavar="FILE",
-            help="Write imu.yaml for Kalibr, of both sensors unless --channels names axes.",
+            help="Write imu.yaml for Kalibr, of both sensors unless --channels names axes. Replaces an "
+            "existing file.",
         ),
     ] = None
     inflate: Annotated[
@@ -203,7 +204,7 @@ class ExportOptions:
         typer.Option(
             metavar="FILE",
             help="Write the noise parameters of a navigation filter as JSON: σ, τ, N, K, Q and drift, and "
-            "`filter`, the matrices of a plain Kalman filter.",
+            "`filter`, the matrices of a plain Kalman filter. Replaces an existing file.",
         ),
     ] = None
     allan_csv: Annotated[
@@ -211,7 +212,8 @@ class ExportOptions:
         typer.Option(
             "--allan-csv",
             metavar="FILE",
-            help="Write the Allan deviations with their 95 % intervals, and those of the model, as CSV.",
+            help="Write the Allan deviations with their 95 % intervals, and those of the model, as CSV. "
+            "Replaces an existing file.",
         ),
     ] = None
 
