@@ -15,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fltea.settings.config import SETTINGS
+from fltea.settings.outputs import OUTPUTS
 from fltea.sources.synthetic import parse_noise
 
 from tests.rig.fake_iio import imu, scan
@@ -170,10 +172,16 @@ def iio(folder: Path) -> Iterator[list[str]]:
     os.close(held)
 
 
+OF_MANY = dict.fromkeys(
+    flag for row in OUTPUTS if row.of_many and not row.when for flag in SETTINGS[row.on].setting.flags[:1]
+)
+"""The flags of the outputs that take the records of a source of many devices."""
+INSTEAD = f"Their records go to {', '.join(OF_MANY)} and the standard output."
+
 REFUSED: dict[str, tuple[list[str], str]] = {
     "replay": (["replay:rest.npz"], "a recording already; use 'fltea export' or 'fltea recover'."),
-    "mqtt": (["mqtt://127.0.0.1:1"], "Their records go to --mqtt, --metrics and the standard output."),
-    "nats": (["nats://127.0.0.1:1"], "Their records go to --mqtt, --metrics and the standard output."),
+    "mqtt": (["mqtt://127.0.0.1:1"], INSTEAD),
+    "nats": (["nats://127.0.0.1:1"], INSTEAD),
     "rates as text": (["stdin:rest.csv"], "Write its samples instead: fltea run --samples."),
     "iio": ([], "Write its samples instead: fltea run --samples."),
 }
