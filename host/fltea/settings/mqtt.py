@@ -27,16 +27,18 @@ class MqttConfig(Table, frozen=True):
         Setting(
             "MQTT broker to publish to: HOST[:PORT], or mqtts://HOST[:PORT] for TLS; user and password "
             "from FLTEA_MQTT_USER and FLTEA_MQTT_PASSWORD.",
+            text="HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT",
             flags=("--mqtt",),
             metavar="BROKER",
             example="mqtts://broker.example",
         ),
     ] = None
-    prefix: Annotated[str, Setting("Beginning of all topics.")] = "fltea"
+    prefix: Annotated[str, Setting("Beginning of all topics.", text="a topic")] = "fltea"
     discovery: Annotated[
         str | None,
         Setting(
             "Prefix under which Home Assistant looks for devices; each board then appears automatically.",
+            text="a topic",
             example="homeassistant",
         ),
     ] = None
@@ -64,15 +66,24 @@ class MqttConfig(Table, frozen=True):
     tls: Annotated[bool, Setting("Use TLS, as with mqtts://.")] = False
     ca: Annotated[
         str | None,
-        Setting("PEM file of the authority that signed the broker's certificate.", example="ca.pem"),
+        Setting(
+            "PEM file of the authority that signed the broker's certificate.",
+            text="the name of a file",
+            example="ca.pem",
+        ),
     ] = None
-    cert: Annotated[str | None, Setting("PEM file of this client's certificate.", example="client.pem")] = (
-        None
-    )
-    key: Annotated[str | None, Setting("PEM file of the certificate's key.", example="client.key")] = None
+    cert: Annotated[
+        str | None,
+        Setting("PEM file of this client's certificate.", text="the name of a file", example="client.pem"),
+    ] = None
+    key: Annotated[
+        str | None,
+        Setting("PEM file of the certificate's key.", text="the name of a file", example="client.key"),
+    ] = None
     insecure: Annotated[bool, Setting("Accept any certificate of the broker.")] = False
     password_file: Annotated[
-        str | None, Setting("File with one line USER:PASSWORD.", example="/etc/fltea/mqtt")
+        str | None,
+        Setting("File with one line USER:PASSWORD.", text="the name of a file", example="/etc/fltea/mqtt"),
     ] = None
 
     def __post_init__(self) -> None:

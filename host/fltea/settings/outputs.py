@@ -192,6 +192,7 @@ class DashboardConfig(Listening, frozen=True):
         str | None,
         Setting(
             "File with one line USER:PASSWORD that the page asks for; not readable by others.",
+            text="the name of a file",
             example="/etc/fltea/page",
         ),
     ] = None
