@@ -44,6 +44,16 @@ TESTS_OF = {
 """For the beginning of a file's path: the folders or files below tests/ that test this file. If several
 beginnings match, the first decides.
 """
+OF_OUTPUTS = {
+    "host/fltea/settings/outputs.py": (
+        "tests/e2e/test_rotation.py",
+        "tests/service/test_output_losses.py",
+        "tests/service/test_output_table.py",
+        "tests/sinks/test_sink_contract.py",
+        "tests/sources/test_source_table.py",
+    )
+}
+"""The file with the table of outputs: the tests in other folders that go through its rows."""
 OF_ALL_CODE = ("tests/tools/test_sizes.py", "tests/tools/test_unused.py")
 """Tests that check all code at once: the sizes of files and functions, and that no function is unused. They
 run after every change of code.
@@ -136,7 +146,7 @@ def tests_of(name: str, users: Users) -> list[str]:
     match path.parts:
         case ("host", "fltea", room, _, *_):
             folders = [f"tests/{one}" for one in (room, *ALSO.get(room, ()))]
-            return [folder for folder in folders if (ROOT / folder).is_dir()]
+            return [folder for folder in folders if (ROOT / folder).is_dir()] + [*OF_OUTPUTS.get(name, ())]
         case ("tests", "rig", _, *_):
             return users(path.stem)
         case ("tests", folder, file, *_):

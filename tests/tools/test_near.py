@@ -47,6 +47,16 @@ def test_tests_mirror_files(name: str, tests: list[str]) -> None:
     assert all((ROOT / one).exists() for one in tests)
 
 
+def test_the_tests_that_go_through_the_rows_of_outputs_are_near_to_these() -> None:
+    uses = re.compile(r"\bOUTPUTS\b|\bEACH_OUTPUT\b")
+    files = [path for path in (ROOT / "tests").glob("*/test_*.py") if path != Path(__file__)]
+    found = {f"{path.relative_to(ROOT)}" for path in files if uses.search(path.read_text(encoding="utf-8"))}
+    (name,) = near.OF_OUTPUTS
+    tests = plan([name]).tests
+    far = {test for test in found if test not in tests and str(Path(test).parent) not in tests}
+    assert not far, f"tools/near.py: OF_OUTPUTS has no {far}"
+
+
 def test_what_is_gone_is_neither_formatted_nor_typed_but_its_tests_run() -> None:
     found = plan([], ["host/fltea/recording/kind.py", "host/native/old.hpp"])
     assert (found.python, found.cxx, found.types) == ([], [], [])
