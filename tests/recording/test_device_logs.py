@@ -270,6 +270,69 @@ def test_channels_of_tdms_with_different_steps_are_no_sensor(tmp_path: Path) -> 
         opened("tdms", path)
 
 
+STEP, UNIT = {"wf_increment": 0.005}, {"unit_string": "rad/s"}
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "change"),
+    [
+        ({}, {"wf_increment": 0.0025}, "wf_increment 0.0025 for IMU.Gyro X, and before it 0.005"),
+        ({}, {"unit_string": "deg/s"}, "unit_string deg/s for IMU.Gyro X, and before it rad/s"),
+        (
+            {"NI_Scale[0]_Linear_Slope": 1.0},
+            {"NI_Scale[0]_Linear_Slope": 2.0},
+            "NI_Scale[0]_Linear_Slope 2 for IMU.Gyro X, and before it 1",
+        ),
+    ],
+)
+def test_parts_of_tdms_with_another_rate_or_unit_are_left_out(
+    first: dict[str, Any], second: dict[str, Any], change: str, tmp_path: Path
+) -> None:
+    """The library gives for all parts what the last one states."""
+    path = tmp_path / "a.tdms"
+    with nptdms.TdmsWriter(path) as out:
+        for rows, more in ((slice(160), first), (slice(160, 200), second), (slice(200, None), {})):
+            stated = STEP | UNIT | first | more
+            out.write_segment(
+                [nptdms.ChannelObject("IMU", name, one[rows], stated) for name, one in AXES.items()]
+            )
+    found = opened("tdms", path)
+    assert rates_of(found) == pytest.approx(np.degrees(RADS[:160]), rel=1e-6)
+    assert found.rate_hz == pytest.approx(200.0)
+    note = next(note for note in found.notes if note.kind == "recording_gap")
+    assert f"part 2 of 3 states {change}" in note.text
+    assert "left out (80 rows)" in note.text
+
+
+def test_parts_of_tdms_with_another_rate_of_all_channels_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "a.tdms"
+    with nptdms.TdmsWriter(path) as out:
+        for rows, rate_hz in ((slice(160), 200.0), (slice(160, None), 400.0)):
+            channels = [nptdms.ChannelObject("IMU", name, one[rows], UNIT) for name, one in AXES.items()]
+            out.write_segment([nptdms.RootObject({"SampleRate": rate_hz}), *channels])
+    found = opened("tdms", path)
+    assert (found.samples, found.rate_hz) == (160, pytest.approx(200.0))
+    assert "states SampleRate 400 for the file, and before it 200" in found.notes[0].text
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"wf_increment": 0.00502}, {"unit_string": "radians/s"}, {"wf_start_offset": 0.8}, {"note": "b"}],
+)
+def test_parts_of_tdms_that_state_the_same_in_other_words_are_read(
+    other: dict[str, Any], tmp_path: Path
+) -> None:
+    path = tmp_path / "a.tdms"
+    with nptdms.TdmsWriter(path) as out:
+        out.write_segment([nptdms.ChannelObject("IMU", name, one[:0]) for name, one in AXES.items()])
+        for rows, more in ((slice(160), {"wf_start_offset": 0.0, "note": "a"}), (slice(160, None), other)):
+            channels = [
+                nptdms.ChannelObject("IMU", name, one[rows], STEP | UNIT | more) for name, one in AXES.items()
+            ]
+            out.write_segment(channels)
+    assert opened("tdms", path).samples == N
+
+
 # --- ASAM MDF, of vehicles (MF4) ---
 
 

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from fltea.recording.files import Note, listed
 from fltea.recording.readers.arrays import NoNumbers, of_arrays
+from fltea.recording.readers.tdms_changes import change_in
 from fltea.recording.readers.tdms_parts import Joined, Parts, checked, parts_of
 from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
@@ -21,7 +22,7 @@ from fltea.records.errors import UsageError
 def read(path: Path, _: str) -> Sheet:
     """Return all channels as columns, named by group and channel; they are read in blocks."""
     found: dict[str, Any] = {}
-    file, parts = _opened(path)
+    file, parts, change = _unchanged(path, *_opened(path))
     cut = _rows_of_cut_channels(file)
     facts: dict[str, Any] = dict(file.properties)
     for group in file.groups():
@@ -32,7 +33,7 @@ def read(path: Path, _: str) -> Sheet:
             found[name] = NoNumbers("holds no numbers", rows) if is_text else _Channel(channel, rows)
             facts.update({f"{name}@{key}": value for key, value in channel.properties.items()})
     sheet = of_arrays(found, attributes=facts)
-    notes = _losses(file, parts, cut, is_timed=not sheet.rates)
+    notes = [*change, *_losses(file, parts, cut, is_timed=not sheet.rates)]
     if len(parts.whole) > 1 and sheet.rates:
         text = f"was written in {len(parts.whole) + len(parts.lost)} parts. Its rate does not show whether "
         notes.append(("reading", f"{text}there is a pause between two parts; a column of times would."))
@@ -53,7 +54,30 @@ def _opened(path: Path) -> tuple[Any, Parts]:
                 raise
     if not parts.whole:
         raise UsageError("is damaged: none of its parts is whole, so nothing of it can be read.")
-    return TdmsFile.open(BufferedReader(Joined(path.open("rb"), parts.whole))), parts
+    return _joined(path, parts), parts
+
+
+def _joined(path: Path, parts: Parts) -> Any:
+    from nptdms import TdmsFile
+
+    return TdmsFile.open(BufferedReader(Joined(path.open("rb"), parts.whole)))
+
+
+def _unchanged(path: Path, file: Any, parts: Parts) -> tuple[Any, Parts, list[tuple[str, str]]]:
+    """Return the file up to the part from which on another unit, rate or scale holds.
+
+    The list holds the kind and the text of a note if there is such a part.
+    """
+    change = change_in(path, parts.whole)
+    if change is None:
+        return file, parts, []
+    lost = [one for one in parts.lost if one[0] < parts.whole[change.part].begin]
+    before = Parts(parts.whole[: change.part], lost)
+    kept = _joined(path, before)
+    rows = max((len(one) for group in file.groups() for one in group.channels()), default=0)
+    rows -= max((len(one) for group in kept.groups() for one in group.channels()), default=0)
+    text = f"part {change.part + 1} of {len(parts.whole)} states {change.what}, so it and the parts after it "
+    return kept, before, [("recording_gap", f"{text}are left out ({rows} rows).")]
 
 
 def _rows_of_cut_channels(file: Any) -> dict[str, int]:

@@ -8,7 +8,8 @@ part is damaged. It is given the whole parts alone, as one file.
 import re
 import struct
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from io import RawIOBase
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -33,6 +34,9 @@ OF_DAQMX = 0x1269, 0x126A, 0x69120000, 0x69130000
 SIZES = {**dict(enumerate((0, 1, 2, 4, 8, 1, 2, 4, 8, 4, 8))), 25: 4, 26: 8, 33: 1, 68: 16, 0x08000C: 8}
 SIZES[0x10000D] = 16
 """Length of one value [bytes], by the number of its type."""
+
+LETTERS = dict(enumerate("bhiqBHIQfd", 1)) | {25: "f", 26: "d"}
+"""Letter of `struct` for the types that are numbers, by the number of the type."""
 
 NAME = re.compile(rb"/|(/'([^']|'')*'){1,2}", re.DOTALL)
 """Matches the name of an object: the file, a group, or a channel of a group."""
@@ -79,6 +83,31 @@ def checked(path: Path) -> Parts:
     """Return the parts of a file whose description of channels and length of data agree."""
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         return _searched(content)
+
+
+class Stated(NamedTuple):
+    """What a part states.
+
+    `properties`: values by object (b"/" is the file) and name. `has_data`: whether the part holds data.
+    """
+
+    properties: Mapping[tuple[bytes, bytes], str | float | None]
+    has_data: bool
+
+
+def stated_in(path: Path, parts: Sequence[Part]) -> Iterator[Stated]:
+    """Yield what each part states, except about data of DAQmx."""
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        for part in parts:
+            head, found = _lead_in(content, part.begin), dict[tuple[bytes, bytes], str | float | None]()
+            if head is not None and head[0] & HAS_DESCRIPTION and head[1] <= part.end:
+                order = ">" if head[0] & IS_BIG_ENDIAN else "<"
+                with suppress(struct.error, ValueError):
+                    for name, _, _, properties in _described(
+                        content[part.begin + LEAD_IN_BYTES : head[1]], order
+                    ):
+                        found.update({(name, key): value for key, value in properties.items()})
+            yield Stated(found, head is not None and head[1] < part.end)
 
 
 def _lead_in(content: mmap, at: int) -> tuple[int, int, int] | None:
@@ -175,7 +204,7 @@ class _Channels:
         if flags & HAS_DESCRIPTION:
             now = {} if flags & IS_NEW_LIST or now is None else dict(now)
             try:
-                for name, index, length in _described(
+                for name, index, length, _ in _described(
                     content[at:data], ">" if flags & IS_BIG_ENDIAN else "<"
                 ):
                     now[name] = length
@@ -199,8 +228,10 @@ class _Channels:
         return True
 
 
-def _described(data: bytes, order: str) -> Iterator[tuple[bytes, int, int | None]]:
-    """Yield the objects of a description: name, index, and length of its data in one block [bytes].
+def _described(
+    data: bytes, order: str
+) -> Iterator[tuple[bytes, int, int | None, Mapping[bytes, str | float | None]]]:
+    """Yield the objects of a description: name, index, length of its data in one block [bytes], properties.
 
     Raises:
         ValueError, struct.error: the description is damaged.
@@ -213,7 +244,7 @@ def _described(data: bytes, order: str) -> Iterator[tuple[bytes, int, int | None
         (index,), at = struct.unpack_from(f"{order}I", data, at), at + 4
         length: int | None = None
         if index in OF_DAQMX:
-            yield name, index, None
+            yield name, index, None, {}
             return  # what follows is not checked
         if index not in (NO_DATA, AS_BEFORE):
             kind, dimensions, values = struct.unpack_from(f"{order}IIQ", data, at)
@@ -223,25 +254,32 @@ def _described(data: bytes, order: str) -> Iterator[tuple[bytes, int, int | None
             length = values * SIZES.get(kind, 0)
             if kind == TEXT:
                 (length,), at = struct.unpack_from(f"{order}Q", data, at), at + 8
-        yield name, index, length
-        at = _behind_properties(data, at, order)
+        properties, at = _properties(data, at, order)
+        yield name, index, length, properties
 
 
-def _behind_properties(data: bytes, at: int, order: str) -> int:
-    """Return where the properties of an object end, which begin at `at`."""
+def _properties(data: bytes, at: int, order: str) -> tuple[dict[bytes, str | float | None], int]:
+    """Return the properties of an object, which begin at `at`, and where they end.
+
+    A value is None if it is neither a text nor a number.
+    """
+    found = dict[bytes, str | float | None]()
     (count,), at = struct.unpack_from(f"{order}I", data, at), at + 4
     for _ in range(count):
-        _, at = _text(data, at, order)
+        name, at = _text(data, at, order)
         (kind,), at = struct.unpack_from(f"{order}I", data, at), at + 4
         if kind == TEXT:
-            _, at = _text(data, at, order)
+            text, at = _text(data, at, order)
+            found[name] = text.decode(errors="replace")
         elif kind in SIZES:
+            is_number = kind in LETTERS and at + SIZES[kind] <= len(data)
+            found[name] = struct.unpack_from(order + LETTERS[kind], data, at)[0] if is_number else None
             at += SIZES[kind]
         else:
             raise ValueError
         if at > len(data):
             raise ValueError
-    return at
+    return found, at
 
 
 def _text(data: bytes, at: int, order: str) -> tuple[bytes, int]:
