@@ -297,6 +297,44 @@ def test_a_number_at_the_end_of_a_cut_file_is_not_read_without_its_last_digits(
     assert not is_cut_number(last, [*TAIL, b"0.1,0.4"]), "decimals vary"
 
 
+POWERS = [b"0.%02d,%d.725112e-0%d" % (k, k - 5, k % 4) for k in range(10)]
+SHORTEST = [b"0.%02d,%d.%se-05" % (k, k - 5, b"1234"[: 1 + k % 4]) for k in range(10)]
+COUNTS = [b"%d,-%d" % (k, 990 + 3 * k) for k in range(30)]
+BY_CHANCE = [b"%d,%d" % (k, 1026 * k - 9000) for k in range(30)]
+
+
+@pytest.mark.parametrize(
+    ("before", "whole", "cut"),
+    [
+        (POWERS, ["-3.317807e-03", "3.317807E+12", "3.317807e-105"], ["3.725112e-0", "3.725112e-", "3.7"]),
+        (SHORTEST, ["2e-06", "0.000123", "0.0"], ["1.23e-0", "1.23e"]),
+        (COUNTS, ["-1026", "997", "1.5", ""], ["-10", "10", "-"]),
+        (BY_CHANCE, ["-1026", "100"], []),
+        (TAIL, ["1.234e-05"], []),
+    ],
+)
+def test_an_exponent_or_a_count_at_the_end_of_a_cut_file_is_not_read_without_its_last_digits(
+    before: list[bytes], whole: list[str], cut: list[str]
+) -> None:
+    for numbers, is_cut in ((whole, False), (cut, True)):
+        for number in numbers:
+            assert is_cut_number(b"0.10," + number.encode(), before) == is_cut, number
+
+
+@pytest.mark.parametrize("form", ["{:.6e}", "{:.0f}"])
+def test_a_row_whose_last_number_lacks_its_exponent_or_half_its_digits_is_left_out(
+    form: str, tmp_path: Path
+) -> None:
+    text = "time_s,gyro_x_dps\n" + "".join(
+        f"{k / 100:.2f},{form.format(1026 + k * 7 % 11)}\n" for k in range(50)
+    )
+    path = tmp_path / "rest.csv"
+    for lacking, rows, notes in ((1, 50, 0), (2, 49, 1), (3, 49, 1)):
+        path.write_text(text[:-lacking])
+        found = open_csv(path)
+        assert (found.samples, len(found.notes)) == (rows, notes)
+
+
 def test_a_file_that_is_cut_within_its_last_number_leaves_the_row_out(tmp_path: Path) -> None:
     text = "time_s,gyro_x_dps\n" + "".join(f"{k / 100:.2f},{k * 7 % 11 / 7:.4f}\n" for k in range(50))
     path = tmp_path / "rest.csv"

@@ -34,9 +34,13 @@ object over several lines, or columns as pandas writes them.
 """
 
 
-FEWEST_BEFORE = 5
-DECIMALS = re.compile(rb"\d\.(\d+)\s*$")
-"""Matches the end of a number with decimals at the end of a line."""
+FEWEST_BEFORE, FEWEST_COUNTS = 5, 20
+"""Whether the last number is cut is judged by at least FEWEST_BEFORE numbers before it, or by at least
+FEWEST_COUNTS if they are whole numbers.
+"""
+
+LAST = re.compile(rb"(?<![\w.])[-+]?(\d*)(\.?)(\d*)(?:([eE])[-+]?(\d*))?$", re.ASCII)
+"""Matches the number at the end of a line."""
 
 
 class TextReader:
@@ -341,16 +345,25 @@ class TextReader:
 def is_cut_number(last: bytes, before: list[bytes]) -> bool:
     """Return whether the number at the end of a file's last line seems to lack digits.
 
-    `last`: the line, which has no line end. `before`: the lines before it. If their last numbers all have the
-    same number of decimals, a number with fewer is cut. Without this, 0. would be read for 0.397.
+    `last`: the line, which has no line end. `before`: the lines before it. A number is cut if it has fewer
+    decimals than all numbers at their ends, which have the same number of decimals, or a shorter exponent
+    than all of them, or fewer digits, if all are whole. Without this, 0. would be read for 0.397.
     """
-    others = [DECIMALS.search(line) for line in before]
-    usual = {len(one[1]) for one in others if one is not None}
-    number = re.search(rb"[-+]?\d*(?:\.(\d*))?$", last)
-    if None in others or len(others) < FEWEST_BEFORE or len(usual) > 1 or number is None or not number[0]:
+    number, others = LAST.search(last), [LAST.search(line.rstrip()) for line in before]
+    known = [one for one in others if one is not None and one[0]]
+    if number is None or not number[0] or len(known) < max(len(others), FEWEST_BEFORE):
         return False
-    is_power = last[number.start() - 1 : number.start()] in (b"e", b"E")
-    return not is_power and len(number[1] or b"") < min(usual)
+    decimals = {len(one[3]) for one in known}
+    if all(one[4] for one in known):
+        if number[4]:
+            return len(number[5]) < min(len(one[5]) for one in known)
+        return len(decimals) == 1 and len(number[3]) <= min(decimals)
+    if number[4] or any(one[4] for one in known):
+        return False
+    if not any(one[2] for one in known):
+        is_whole = not number[2] and len(known) >= FEWEST_COUNTS
+        return is_whole and len(number[1]) < min(len(one[1]) for one in known)
+    return len(decimals) == 1 and len(number[3]) < min(decimals)
 
 
 def _by_run(pieces: list[Rows]) -> list[Rows]:
