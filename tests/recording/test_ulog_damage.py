@@ -189,3 +189,38 @@ def test_a_format_with_other_fields_of_the_same_length_is_refused(tmp_path: Path
 
 def test_a_format_that_is_declared_again_as_it_was_is_no_loss(tmp_path: Path) -> None:
     assert read(tmp_path, declared_again(FORM)).notes == ()
+
+
+OF_DEVICE = "uint64_t timestamp_sample;uint32_t device_id;float x;float y;float z;"
+
+
+def of_devices(devices: list[int]) -> bytes:
+    """Return a log of a topic whose messages name these devices, at 200 Hz."""
+    rows = [(0, "QI3f", 1_000_000 + 5_000 * k, 5_000 * k, one, *RADS[k % N]) for k, one in enumerate(devices)]
+    return ulog({"sensor_gyro": OF_DEVICE}, [("sensor_gyro", 0)], rows)
+
+
+@pytest.mark.parametrize("other", [{200: 123}, {200: 0, 201: 7}, {0: 9}])
+def test_a_few_messages_of_another_device_are_left_out(other: dict[int, int], tmp_path: Path) -> None:
+    found = read(tmp_path, of_devices([other.get(k, 122) for k in range(N)]))
+    left = [k for k in range(N) if k not in other]
+    assert found.whole().gyro == pytest.approx(np.rad2deg(RADS[left]), rel=1e-6)
+    assert found.rate_hz == pytest.approx(200.0)
+    numbers = found.whole().seq
+    assert numbers is not None
+    assert (numbers - numbers[0]).tolist() == [k - left[0] for k in left]
+    said = f"in {len(other)} of {N} messages of sensor_gyro, and 122 in all others; the former are left out"
+    assert said in told(found)["recording_gap"]
+
+
+def test_zeros_over_one_message_cost_only_that_message(tmp_path: Path) -> None:
+    data = of_devices([122] * N)
+    size = 3 + 2 + 8 + 8 + 4 + 12
+    found = read(tmp_path, put(data, len(data) - 200 * size + 3, bytes(size - 3)))
+    assert found.samples == N - 1
+    assert f"device_id is 0 in 1 of {N} messages of sensor_gyro, and 122" in told(found)["recording_gap"]
+
+
+def test_many_messages_of_another_device_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"of several sensors one after the other \(device_id 122, 123\)"):
+        read(tmp_path, of_devices([122] * (N - 20) + [123] * 20))

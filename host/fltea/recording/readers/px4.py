@@ -28,6 +28,12 @@ by less than the fraction EVEN.
 """
 
 
+FEW = 0.02
+"""Messages of other devices than the usual one are left out if they are at most this share of a topic. They
+are damaged, or of a sensor that PX4 used for a moment.
+"""
+
+
 def read(path: Path, topic: str) -> Sheet:
     """Read a topic.
 
@@ -49,6 +55,7 @@ def read(path: Path, topic: str) -> Sheet:
         what = f"which sensor is meant of {', '.join(each)}"
         raise not_stated(str(path), [Missing(what, "--topic ?")])
     data = there[instance] if instance else next(iter(there.values()))
+    data, strays = _without_strays(name, data)
     if len(devices := _devices(data)) > 1:
         raise UsageError(
             f"is a PX4 log whose {name} is of several sensors one after the other (device_id "
@@ -69,6 +76,7 @@ def read(path: Path, topic: str) -> Sheet:
     if lost_ms := [one.duration for one in log.dropouts]:
         texts.append(f"the logger lost data {len(lost_ms)} times, {sum(lost_ms)} ms in all.")
     notes = tuple(Note("reading", f"{path}: {text}") for text in texts)
+    notes = (*(Note("recording_gap", f"{path}: {text}") for text in strays), *notes)
     notes = (*_losses(path, whole, log, wanted), *notes)
     topic = f"{name}:{instance}" if instance else name
     return replace(sheet, topic=topic, notes=notes)
@@ -152,6 +160,22 @@ def _about(data: Mapping[str, Any]) -> str:
 
 def _devices(data: Mapping[str, Any]) -> list[str]:
     return [str(one) for one in np.unique(data["device_id"])] if "device_id" in data else []
+
+
+def _without_strays(name: str, data: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[str]]:
+    """Leave out a few messages of a topic that name another device; return the rest, and a text on them."""
+    if "device_id" not in data:
+        return data, []
+    devices, counts = np.unique(data["device_id"], return_counts=True)
+    usual, total = devices[np.argmax(counts)], len(data["device_id"])
+    strays = total - int(counts.max())
+    if not 0 < strays <= FEW * total:
+        return data, []
+    others = listed([str(one) for one in devices if one != usual])
+    text = f"device_id is {others} in {strays} of {total} messages of {name}, and {usual} in all others; "
+    text += "the former are left out, as damaged or of another sensor."
+    kept = data["device_id"] == usual
+    return {column: values[kept] for column, values in data.items()}, [text]
 
 
 def _unpacked(data: Mapping[str, Any]) -> Sheet:
