@@ -31,6 +31,21 @@ def archive(path: Path, **files: bytes) -> Path:
     return path
 
 
+PACK = {"gz": gzip.compress, "bz2": bz2.compress, "xz": lzma.compress}
+NDJSON = b"".join(
+    (
+        b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode":"timer"}\n',
+        *(
+            b'{"class":"sample","seq":%d,"device_us":%d,"host_ns":%d,"epoch":1,"gyro_dps":[0.5]}\n'
+            % (k, k * 10_000, k * 10_000_000)
+            for k in range(N)
+        ),
+    )
+)
+OBJECTS = b"".join(b'{"t_ms":%d,"wx_rads":0.5}\n' % (k * 10) for k in range(N))
+DOCUMENT = b"[" + OBJECTS.replace(b"\n", b",").rstrip(b",") + b"]"
+
+
 @pytest.mark.parametrize("name", ["plain.csv.gz", "plain.csv.xz"])
 def test_what_is_cut_off_is_read_as_far_as_it_goes(name: str, tmp_path: Path) -> None:
     data = (HERE / name).read_bytes()
@@ -41,8 +56,49 @@ def test_what_is_cut_off_is_read_as_far_as_it_goes(name: str, tmp_path: Path) ->
         e.message for e in events if isinstance(e, Trouble)
     )
     (tmp_path / name).write_bytes(data[:40] + bytes(len(data) - 40))
-    with pytest.raises(UsageError, match=r"cannot be (decompressed|read)"):
+    with pytest.raises(UsageError, match=r"is damaged \(.+\): copy it again"):
         ReplaySource(tmp_path / name)
+
+
+@pytest.mark.parametrize("packer", PACK)
+@pytest.mark.parametrize("rest", [b"rubbish" * 5, b"\x1f"])
+def test_bytes_behind_the_compressed_data_are_told(packer: str, rest: bytes, tmp_path: Path) -> None:
+    """The library refuses such a file of gzip, and says nothing of them for the others."""
+    for name, content in (("rest.csv", text("plain.csv")), ("rest.ndjson", NDJSON)):
+        path = tmp_path / f"{name}.{packer}"
+        path.write_bytes(PACK[packer](content) + rest)
+        events = list(ReplaySource(path).events())
+        assert len(samples_of(events)) == N
+        (said,) = [one.message for one in events if isinstance(one, Trouble)]
+        assert said.startswith(f"{path}: is followed by bytes that are not compressed")
+
+
+@pytest.mark.parametrize("packer", PACK)
+def test_zeros_and_more_compressed_data_behind_are_no_damage(packer: str, tmp_path: Path) -> None:
+    first, rows = text("plain.csv")[:2000].rpartition(b"\n")[0] + b"\n", text("plain.csv")
+    path = tmp_path / f"rest.csv.{packer}"
+    path.write_bytes(PACK[packer](first) + PACK[packer](rows[len(first) :]) + bytes(64))
+    events = list(ReplaySource(path).events())
+    assert len(samples_of(events)) == N
+    assert not [one for one in events if isinstance(one, Trouble)]
+
+
+@pytest.mark.parametrize("packer", PACK)
+def test_damage_is_told_with_the_command_that_unpacks_what_is_left(packer: str, tmp_path: Path) -> None:
+    content = b"time_s,gyro_x_dps\n" + b"".join(
+        b"%.2f,%.4f\n" % (k / 100, value)
+        for k, value in enumerate(np.random.default_rng(1).normal(size=150_000))
+    )
+    data = PACK[packer](content)
+    at = len(data) * 9 // 10
+    path = tmp_path / f"two words.csv.{packer}"
+    path.write_bytes(data[:at] + bytes(64) + data[at + 64 :])
+    with pytest.raises(UsageError, match=r"is damaged \(.*\): copy it again, or unpack what") as caught:
+        ReplaySource(path)
+    command = str(caught.value).partition("may be wrong: ")[2]
+    subprocess.run(command, shell=True, stderr=subprocess.DEVNULL, check=False)
+    left = path.with_suffix("").read_bytes()
+    assert left[: len(content) // 2] == content[: len(content) // 2]
 
 
 def test_of_an_archive_the_file_of_the_gyroscope_is_read(tmp_path: Path) -> None:
@@ -59,18 +115,6 @@ def test_of_an_archive_the_file_of_the_gyroscope_is_read(tmp_path: Path) -> None
     assert len(samples_of(ReplaySource(tmp_path / "one.csv").events())) == N
 
 
-NDJSON = b"".join(
-    (
-        b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode":"timer"}\n',
-        *(
-            b'{"class":"sample","seq":%d,"device_us":%d,"host_ns":%d,"epoch":1,"gyro_dps":[0.5]}\n'
-            % (k, k * 10_000, k * 10_000_000)
-            for k in range(N)
-        ),
-    )
-)
-OBJECTS = b"".join(b'{"t_ms":%d,"wx_rads":0.5}\n' % (k * 10) for k in range(N))
-DOCUMENT = b"[" + OBJECTS.replace(b"\n", b",").rstrip(b",") + b"]"
 INSIDE = {
     "rest.ndjson": NDJSON,
     "objects.ndjson": OBJECTS,
@@ -82,7 +126,6 @@ INSIDE = {
     "flight.ulg": text("px4.ulg"),
     "rest.parquet": text("pandas.parquet"),
 }
-PACK = {"gz": gzip.compress, "bz2": bz2.compress, "xz": lzma.compress}
 
 
 @pytest.mark.parametrize("packer", slow_but(["gz", "zip"], [*PACK, "zip"]))

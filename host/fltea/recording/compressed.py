@@ -9,10 +9,12 @@ import shlex
 import shutil
 import zipfile
 import zlib
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO, cast
 
 from fltea.recording.csv_file import open_csv
+from fltea.recording.decompress import Streams
 from fltea.recording.files import Note, Stored, listed
 from fltea.recording.formats import FORMATS, KINDS
 from fltea.recording.kind import kind_of_file
@@ -28,8 +30,8 @@ from fltea.settings.limits import Limits
 
 PACKERS: dict[bytes, tuple[Any, str, str]] = {
     b"\x1f\x8b": (gzip.open, "gzip", ".gz"),
-    b"BZh": (bz2.open, "bzip2", ".bz2"),
-    b"\xfd7zXZ": (lzma.open, "xz", ".xz"),
+    b"BZh": (partial(Streams, new=bz2.BZ2Decompressor), "bzip2", ".bz2"),
+    b"\xfd7zXZ": (partial(Streams, new=lzma.LZMADecompressor), "xz", ".xz"),
 }
 """Key: the first bytes of a compressed file. Value: the function that opens such a file, the program by which
 the user can decompress it, and the ending that this program expects.
@@ -39,6 +41,9 @@ DAMAGE = (OSError, ValueError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, N
 """Errors that libraries raise for damaged data. It lacks RuntimeError, which they raise for an archive with a
 password.
 """
+
+NO_MEMBER = "Not a gzipped file"
+"""Begin of the text of the error of `gzip` if other bytes follow compressed data that are whole."""
 
 LIKELY = ("gyro", "imu", "raw data", "angular", "rotation")
 """Words in the names of files that hold gyroscope data, the most telling word first. Phone apps write one
@@ -69,7 +74,7 @@ def open_compressed(path: Path, how: How, limits: Limits) -> Stored | Printed:
                 (found for magic, found in PACKERS.items() if begin.startswith(magic)), (None, "", "")
             )
             if opener is not None:
-                stream, place = stack.enter_context(opener(file)), path
+                stream, place = opener(file), path
             else:
                 archive = stack.enter_context(_archive(path, file))
                 member = _member(path, archive, unpacking(path, program, ending))
@@ -80,19 +85,43 @@ def open_compressed(path: Path, how: How, limits: Limits) -> Stored | Printed:
                 found = _open_inside(place, content, how, limits)
             except NotStated:
                 raise
-            except UsageError as error:
+            except (UsageError, *DAMAGE) as error:
+                if counted.damage:
+                    raise _damaged(path, counted, program, ending) from error
+                if not isinstance(error, UsageError):
+                    raise
                 if not counted.is_cut and not isinstance(error, _Packed):
                     raise
                 command = unpacking(path, program, ending, is_cut=counted.is_cut)
                 raise _refusal(path, place, error, counted, command) from error
-            if not counted.is_cut:
-                return found
-            text = f"{path}: is cut off; what can be decompressed is read."
-            if isinstance(found, Printed):
-                return found._replace(cut=found.cut or text)
-            return found._replace(notes=(Note("cut_recording", text), *found.notes))
+            return _with_note(path, found, counted)
     except (*DAMAGE, RuntimeError) as error:
         raise UsageError(f"{path}: cannot be decompressed ({error}). Is the file whole?") from error
+
+
+def _with_note(path: Path, found: Stored | Printed, counted: "_Counted") -> Stored | Printed:
+    """Add a note on what is not read of a compressed file, if there is such a part."""
+    if counted.is_cut:
+        kind, text = "cut_recording", f"{path}: is cut off; what can be decompressed is read."
+    elif counted.has_rest:
+        kind, text = (
+            "recording_gap",
+            f"{path}: is followed by bytes that are not compressed, which are left out.",
+        )
+    else:
+        return found
+    if isinstance(found, Printed):
+        return found._replace(cut=found.cut or text)
+    return found._replace(notes=(Note(kind, text), *found.notes))
+
+
+def _damaged(path: Path, counted: "_Counted", program: str, ending: str) -> UsageError:
+    """Return the error for a file whose compressed data are damaged."""
+    text = f"{path}: is damaged ({counted.damage}): copy it again"
+    if not program or not counted.size:
+        return UsageError(f"{text}.")
+    command = unpacking(path, program, ending, is_cut=True)
+    return UsageError(f"{text}, or unpack what is left, of which rows may be wrong: {command}")
 
 
 class _Packed(UsageError):
@@ -183,12 +212,18 @@ def _member(path: Path, archive: zipfile.ZipFile, command: str) -> zipfile.ZipIn
 class _Counted(io.RawIOBase):
     """Stream of decompressed data, whose length the quota limits.
 
-    `is_cut`: whether the compressed data end too early. `size`: length of the data so far [bytes].
+    `is_cut`: whether the compressed data end too early. `damage`: what is wrong with them, or "". `size`:
+    length of the data so far [bytes].
     """
 
     def __init__(self, stream: Any, quota: Quota) -> None:
-        self.is_cut, self.size = False, 0
+        self.is_cut, self.damage, self.size, self._ends_early = False, "", 0, False
         self._stream, self._quota = stream, quota
+
+    @property
+    def has_rest(self) -> bool:
+        """Whether bytes that are not compressed follow the data."""
+        return self._ends_early or getattr(self._stream, "has_rest", False)
 
     def readable(self) -> bool:
         """Return True, as `io.BufferedReader` requires."""
@@ -202,7 +237,11 @@ class _Counted(io.RawIOBase):
             self.is_cut = True
             return 0
         except (*DAMAGE, RuntimeError) as error:
-            raise OSError(f"damaged or cut off, {error}") from error
+            if self.size and isinstance(error, gzip.BadGzipFile) and str(error).startswith(NO_MEMBER):
+                self._ends_early = True
+                return 0
+            self.damage = str(error)
+            raise OSError(f"damaged, {error}") from error
         self._quota.unpack(len(data))
         self.size += len(data)
         buffer[: len(data)] = data
