@@ -59,6 +59,18 @@ def test_stamps_of_whole_seconds_are_no_clock(tmp_path: Path) -> None:
     assert "stamps in a row are the same, so the times of arrival are used" in told(stored)["bag_stamps"]
 
 
+@pytest.mark.parametrize("more", [{}, {"sec": 1_700_000_000}])
+def test_messages_without_a_field_of_times_are_not_said_to_have_stamps(
+    more: dict[str, int], tmp_path: Path
+) -> None:
+    some = [{**more, "gyro_dps": row} for row in at_rest().tolist()]
+    stored = open_bag(write_objects(tmp_path / "a.mcap", some, STAMPS))
+    said = "no field of the messages is known as their time, so the times of arrival are used"
+    assert said in told(stored)["bag_stamps"]
+    zero = open_bag(write_objects(tmp_path / "b.mcap", stamped([0] * N, "timestamp_ns"), STAMPS))
+    assert "the stamps of all message headers are 0" in told(zero)["bag_stamps"]
+
+
 @pytest.mark.parametrize("unit_s", [1.0, 1e-3, 1e-6, 1e-9])
 def test_arrivals_tell_the_unit_of_times(tmp_path: Path, unit_s: float) -> None:
     """The board counts the time from power-up in an unknown unit. Some stamps are missing."""

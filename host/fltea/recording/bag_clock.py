@@ -188,7 +188,9 @@ def _without_stamps(layout: Layout, ticks: Ticks | None, stamp_ns: Times, alike:
     what = f"the stamps of all message headers are {value}"
     if alike < len(stamp_ns):
         what = f"some {alike} stamps in a row are the same"
-    if layout.time and not (ticks and ticks.seconds):
+    if not layout.time:
+        what = "no field of the messages is known as their time"
+    elif not (ticks and ticks.seconds):
         what = f"nothing says the unit of {layout.time[0]} (--time-unit ?)"
     return f"{what}, so the times of arrival are used; gaps and rate are only as good as these times"
 
