@@ -45,7 +45,11 @@ def test_a_name_may_lack_its_unit_and_stand_beside_positions(
 
 def test_a_name_that_two_columns_have_before_their_units_means_none(tmp_path: Path) -> None:
     text = text_of("stamp_s,gx [dps],gx [rad/s],gz [dps]")
-    assert "no column gx (it has: " in refusal(tmp_path, text, columns=["gx", "gz"])
+    said = "which column gx means is not known: gx [dps], gx [rad/s]; give its whole name"
+    assert f"{said}." in refusal(tmp_path, text, columns=["gx", "gz"])
+    assert f"no column g4 (it has: stamp_s, gx [dps], gx [rad/s], gz [dps]); and {said}." in refusal(
+        tmp_path, text, columns=["gx", "g4"]
+    )
 
 
 @pytest.mark.parametrize(

@@ -81,18 +81,34 @@ class Wanted(NamedTuple):
         return self.time is None and alike and all(map(is_number, fields))
 
     def lacking(self, header: Sequence[str] | None) -> str:
-        """Return a text: which of the user's columns are missing. `header`: None if the text has none."""
+        """Return a text: which of the user's columns are missing, or which of several each may be.
+
+        `header`: None if the text has none.
+        """
         lacking = [name for name in self.names if header is None or self._place(name, header) is None]
-        has = "no header" if header is None else listed(header)
-        return f"no column {', '.join(lacking)} (it has: {has})"
+        several = {name: _alike(name, header or ()) for name in lacking}
+        texts = [
+            f"which column {name} means is not known: {listed(found)}; give its whole name"
+            for name, found in several.items()
+            if found
+        ]
+        if lacking := [name for name in lacking if not several[name]]:
+            has = "no header" if header is None else listed(header)
+            texts.insert(0, f"no column {', '.join(lacking)} (it has: {has})")
+        return "; and ".join(texts)
 
 
 def place_of(name: str, header: Sequence[str]) -> int | None:
     """Return the column of this name, or the only one that has it before its unit; None if there is none."""
     if name in header:
         return header.index(name)
-    places = [k for k, one in enumerate(header) if without_unit(one) == name]
-    return places[0] if len(places) == 1 else None
+    alike = _alike(name, header)
+    return header.index(alike[0]) if len(alike) == 1 else None
+
+
+def _alike(name: str, header: Sequence[str]) -> list[str]:
+    """Return the names in a header that are `name` with a unit behind it."""
+    return [one for one in header if without_unit(one) == name]
 
 
 def wanted_of(how: How) -> Wanted:
