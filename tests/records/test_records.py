@@ -47,7 +47,8 @@ def test_every_word_that_a_field_can_hold_is_in_its_text(
     struct: type, field: str, words: Sequence[str]
 ) -> None:
     text = site_records.texts(struct)[field]
-    assert [word for word in words if f"`{word}`" not in text] == []
+    missing = [word for word in words if f"`{word}`" not in text]
+    assert not missing, f"{struct.__module__}: the text of {struct.__name__}.{field} lacks {missing}"
 
 
 def test_reasons_are_those_of_the_protocol_page() -> None:

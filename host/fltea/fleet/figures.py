@@ -7,9 +7,7 @@ from fltea.fleet.messages import Allan, AxisFit, Interval, Tracker
 from fltea.noise.spectra import HIGHEST_ORDER
 from fltea.records.plus_minus import NORMAL_95
 from fltea.records.units import FLICKER
-
-WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
-"""Verdicts with which the noise may have a fractional order α."""
+from fltea.records.verdict_kinds import WITH_ORDER
 
 HIGHEST_FITTED = HIGHEST_ORDER - 1e-3
 """An α above this limit counts as being at the upper end of the range in which α is fitted."""

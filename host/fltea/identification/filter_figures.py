@@ -19,6 +19,7 @@ from fltea.documents.programs import FilterFigures
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.kalibr import axis_noise
 from fltea.identification.navigation_filter import FilterState, NavigationFilter
+from fltea.records.verdict_kinds import VerdictKind
 from fltea.spectrum.allan_coefficients import Coefficient
 from fltea.spectrum.wording import duration, listed
 
@@ -31,7 +32,7 @@ NEGLIGIBLE = 0.1
 """The random walk for a simple filter consists of the axis's own random walk and of its slow relaxations. The
 own random walk is negligible if its K is less than this fraction of the K of all together.
 """
-WITHOUT_SLOW = ("white", "line", "resonance", "line or resonance", "comb")
+WITHOUT_SLOW: tuple[VerdictKind, ...] = ("white", "line", "resonance", "line or resonance", "comb")
 """Verdicts on noise that has no slow component."""
 UP_TO_S = 60.0
 """Default of `up_to_s` in `filter_figures`, the time for which the figures are chosen [s]."""

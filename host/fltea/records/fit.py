@@ -1,29 +1,8 @@
 """The maximum-likelihood fit of one axis, a part of the record `fit` (host/docs/reference/records.md)."""
 
-from typing import Literal
-
 import msgspec
 
-VerdictKind = Literal[
-    "white",
-    "drift",
-    "line",
-    "resonance",
-    "line or resonance",
-    "comb",
-    "low-pass",
-    "high-pass",
-    "notch",
-    "relaxations",
-    "fractional",
-    "fractional or relaxations",
-    "anti-persistent",
-    "undecided",
-    "not stationary",
-    "constant",
-    "too few samples",
-]
-"""Kind of the noise in a word or two; `FittedAxis.verdict` lists the meanings."""
+from fltea.records.verdict_kinds import VerdictKind as VerdictKind
 
 
 class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -3,34 +3,11 @@
 import math
 from typing import NamedTuple
 
-from fltea.records.fit import AxisFit, Interval, VerdictKind
+from fltea.records.fit import AxisFit, Interval
 from fltea.records.odds import odds
+from fltea.records.verdict_kinds import VERDICT_KINDS, WITH_ORDER
 from fltea.sinks.words import about
 
-HEADS: dict[VerdictKind, str] = {
-    "white": "White noise: order undefined",
-    "drift": "Drift",
-    "line": "Line in white noise",
-    "resonance": "Resonance",
-    "line or resonance": "Line or narrow resonance",
-    "comb": "Something happens at equal intervals",
-    "low-pass": "White noise through a low-pass",
-    "high-pass": "White noise through a high-pass",
-    "notch": "White noise through a notch",
-    "relaxations": "Relaxations (Gauss-Markov)",
-    "fractional": "Fractional",
-    "fractional or relaxations": "Fractional, or relaxations",
-    "anti-persistent": "Anti-persistent",
-    "undecided": "Undecided",
-    "not stationary": "Not stationary",
-    "constant": "Constant",
-    "too few samples": "Still too short",
-}
-
-WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
-"""Verdicts with which an order α is shown. All other verdicts exclude an order."""
-
-SAYS_NOTHING = ("constant", "too few samples")
 UNSTABLE = "No stable verdict yet"
 NOT_YET = "Two fits must agree, the later one with a tenth more samples. The newest one says: {}."
 NO_FIT = "The first fit comes within seconds of the first samples."
@@ -109,12 +86,13 @@ def answer(fit: AxisFit | None, left_s: float | None = None, *, off: bool = Fals
     """
     if fit is None:
         return Answer("", "No fit" if off else "No fit yet", OFF if off else NO_FIT, None, None, "", "", "")
-    if not fit.stable and fit.verdict not in SAYS_NOTHING:
-        return Answer("", UNSTABLE, NOT_YET.format(HEADS[fit.verdict]), None, None, "", "", _left_out(fit))
+    kind = VERDICT_KINDS[fit.verdict]
+    if not fit.stable and not kind.says_nothing:
+        return Answer("", UNSTABLE, NOT_YET.format(kind.head), None, None, "", "", _left_out(fit))
     alpha, f = order(fit)
     return Answer(
         fit.verdict,
-        HEADS[fit.verdict],
+        kind.head,
         fit.text,
         _figure(alpha, 2, 0.3),
         _figure(f, 1, max(0.5, abs(f.value or 0.0) / 2) if f else 0.0),
@@ -129,7 +107,7 @@ def _condition(fit: AxisFit) -> str:
 
     The text is empty unless the verdict leaves open whether the noise has an order, such as "undecided".
     """
-    if fit.verdict not in WITH_ORDER[1:]:
+    if VERDICT_KINDS[fit.verdict].order != "perhaps":
         return ""
     known = "" if fit.odds is None else f" (odds {odds(fit.odds)})"
     return f"if the noise is of fractional order{known}"
@@ -202,7 +180,7 @@ def _until(fit: AxisFit, left_s: float | None) -> str:
     The text names a time only if the last fits agree on the time.
     """
     until = fit.until_s
-    if until is None or fit.verdict in SAYS_NOTHING:
+    if until is None or VERDICT_KINDS[fit.verdict].says_nothing:
         return ""
     target = f"α ± {until.target:g}"
     if until.seconds is None:
