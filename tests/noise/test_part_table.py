@@ -59,6 +59,17 @@ def test_a_part_has_all_that_a_model_asks_of_it(kind: type[Part]) -> None:
 
 
 @kinds
+def test_each_parameter_of_a_part_has_a_symbol_and_a_unit(kind: type[Part]) -> None:
+    """`fltea identify --details` shows the parameters by these symbols."""
+    missing = [name for name in kind.__struct_fields__ if name not in kind.symbols]
+    assert not missing, f"`symbols` of {kind.__module__}.{kind.__name__} lacks {', '.join(missing)}"
+    for name, (_, unit) in kind.symbols.items():
+        assert name in kind.__struct_fields__, f"{kind.__name__} has no field {name}"
+        in_name = {"_hz": "Hz", "_s": "s"}.get(name[name.rfind("_") :] if "_" in name else "")
+        assert in_name in (None, unit), f"{kind.__name__}.{name} is in {in_name}, and its symbol in {unit}"
+
+
+@kinds
 def test_the_traits_of_a_row_are_those_of_the_spectrum(kind: type[Part]) -> None:
     is_filter, is_behind = kind.has("filter"), kind.has("behind")
     example = EXAMPLES[kind.tag()]

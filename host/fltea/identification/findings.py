@@ -14,6 +14,7 @@ from fltea.identification.lead import interval
 from fltea.identification.load import GYRO_UNIT
 from fltea.identification.quantities import quantities
 from fltea.identification.shuffled import ShuffledBand
+from fltea.noise.parts import kind_named
 from fltea.records.odds import odds
 from fltea.records.plus_minus import plus_minus
 from fltea.records.quantity import Quantity, quantity_of, shown_units, texts, without_unit
@@ -22,16 +23,6 @@ from fltea.spectrum.wording import duration
 
 NONE = "–"
 SEVERITIES = ("bad", "warning", "note")
-SYMBOLS = {
-    "sigma": ("σ", "{unit}"),
-    "tau_s": ("τ", "s"),
-    "Q": ("Q", "{unit}·s"),
-    "R": ("R", "({unit})²"),
-    "s2": ("s2", "({unit})²"),
-    "height": ("height", "({unit})²"),
-    "power": ("power", "({unit})²"),
-}
-"""Symbol and unit of each parameter of the noise model's parts."""
 
 Row = tuple[str, str]
 """A label and a value."""
@@ -213,10 +204,11 @@ def part_rows(axis: AxisReport) -> list[Row]:
         counted[part.part] = number = counted.get(part.part, 0) + 1
         if part.part in ("white", "walk"):  # N and K have rows of their own
             continue
+        symbols = kind_named(part.part).symbols
         for name, value in part.values.items():
             if part.part == "order" and name in ("alpha", "f"):  # α and f have rows of their own
                 continue
-            symbol, its = SYMBOLS.get(name, (name.removesuffix("_hz"), "Hz" if name.endswith("_hz") else ""))
+            symbol, its = symbols[name]
             its = its.format(unit=unit)
             found.append(
                 (f"  {part.part} {number} {symbol}{its and f' [{its}]'}", _estimate(quantity_of(value, its)))

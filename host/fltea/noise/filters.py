@@ -12,7 +12,7 @@ import numpy as np
 from fltea import _native
 from fltea.noise import free_parameters as free
 from fltea.noise import pole_sets
-from fltea.noise.part import OwnAnswer, Part, in_hz
+from fltea.noise.part import OwnAnswer, Part, Symbol, in_hz
 from fltea.records.arrays import Complex
 
 MEAN_FROM = _native.MEAN_FROM
@@ -24,6 +24,8 @@ WHOSE_FILTER = (
     "with their settings."
 )
 """What to do about a filter in the recorded noise."""
+OF_POLES = {"corner_hz": Symbol("corner", "Hz"), "poles": Symbol("poles", "")}
+"""How tables show the parameters of a low-pass or a high-pass."""
 
 
 class LowPass(Part, frozen=True, tag="low-pass"):
@@ -31,6 +33,8 @@ class LowPass(Part, frozen=True, tag="low-pass"):
 
     The corner frequency may be above half the sample rate.
     """
+
+    symbols: ClassVar[dict[str, Symbol]] = OF_POLES
 
     corner_hz: float
     poles: float
@@ -63,6 +67,8 @@ class HighPass(Part, frozen=True, tag="high-pass"):
     frequency is described by the part `Rise`, noise whose power rises with frequency.
     """
 
+    symbols: ClassVar[dict[str, Symbol]] = OF_POLES
+
     corner_hz: float
     poles: float
 
@@ -91,6 +97,8 @@ class HighPass(Part, frozen=True, tag="high-pass"):
 class Sharpening(Part, frozen=True, tag="sharpening"):
     """The filter with taps -s, 1 + 2 s, -s. It sharpens for s > 0, and smooths for s < 0."""
 
+    symbols: ClassVar[dict[str, Symbol]] = {"s": Symbol("s", "")}
+
     s: float
 
     def eta(self, h: float) -> list[float]:
@@ -111,6 +119,10 @@ class Notch(Part, frozen=True, tag="notch"):
     """A filter that stops one frequency. `width_hz` is its width where half the power passes."""
 
     answer: ClassVar[OwnAnswer | None] = OwnAnswer("notch", WHOSE_FILTER)
+    symbols: ClassVar[dict[str, Symbol]] = {
+        "frequency_hz": Symbol("frequency", "Hz"),
+        "width_hz": Symbol("width", "Hz"),
+    }
 
     frequency_hz: float
     width_hz: float
@@ -136,6 +148,8 @@ class Notch(Part, frozen=True, tag="notch"):
 
 class Mean(Part, frozen=True, tag="mean"):
     """A filter whose output is the mean of the last `samples` samples."""
+
+    symbols: ClassVar[dict[str, Symbol]] = {"samples": Symbol("samples", "")}
 
     samples: int
 

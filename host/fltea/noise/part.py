@@ -77,13 +77,26 @@ class OwnAnswer(NamedTuple):
     """A sentence that says what to do."""
 
 
+class Symbol(NamedTuple):
+    """How a table shows a parameter of a part."""
+
+    name: str
+    unit: str
+    """Unit of the parameter, in which `{unit}` stands for that of the samples; "" if it has none."""
+
+
+VARIANCE = "({unit})²"
+
+
 class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="part"):
     """The base class of all parts.
 
     `answer`: the verdict if the part is in the model; None if `spectrum.answers` has a rule for its question.
+    `symbols`: how tables show each field of the part.
     """
 
     answer: ClassVar[OwnAnswer | None] = None
+    symbols: ClassVar[dict[str, Symbol]] = {}
 
     def __post_init__(self) -> None:
         for name in self.__struct_fields__:

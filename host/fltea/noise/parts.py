@@ -15,7 +15,7 @@ period in s.
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Self, get_args
+from typing import ClassVar, Self, get_args
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from fltea.noise.filters import Mean as Mean
 from fltea.noise.filters import Notch as Notch
 from fltea.noise.filters import Sharpening as Sharpening
 from fltea.noise.free_parameters import g_of_eta
-from fltea.noise.part import ROWS, in_hz
+from fltea.noise.part import BY_NAME, ROWS, VARIANCE, Symbol, in_hz
 from fltea.noise.part import Part as Part
 from fltea.noise.spectra import f_of, g_of, noise_variance, stationary, step_variance
 from fltea.records.arrays import Array, Complex
@@ -37,6 +37,8 @@ from fltea.records.arrays import Array, Complex
 
 class _Level(Part, frozen=True):
     """White noise of variance R."""
+
+    symbols: ClassVar[dict[str, Symbol]] = {"R": Symbol("R", VARIANCE)}
 
     R: float
 
@@ -60,6 +62,8 @@ class White(_Level, frozen=True, tag="white"):
 
 class _Decaying(Part, frozen=True):
     """An AR(1) process with standard deviation σ and correlation time τ."""
+
+    symbols: ClassVar[dict[str, Symbol]] = {"sigma": Symbol("σ", "{unit}"), "tau_s": Symbol("τ", "s")}
 
     sigma: float
     tau_s: float
@@ -99,6 +103,8 @@ class Alternating(_Decaying, frozen=True, tag="alternating"):
 class Walk(Part, frozen=True, tag="walk"):
     """A random walk of the rate. Each step has the variance K² h."""
 
+    symbols: ClassVar[dict[str, Symbol]] = {"K": Symbol("K", "{unit}/√s")}
+
     K: float
 
     def eta(self, h: float) -> list[float]:
@@ -120,6 +126,12 @@ class Walk(Part, frozen=True, tag="walk"):
 
 class Order(Part, frozen=True, tag="order"):
     """The fractional state D^α x = f x + ω of `fltea.noise.simulation`, with f in s^-α and Q = var ω."""
+
+    symbols: ClassVar[dict[str, Symbol]] = {
+        "alpha": Symbol("α", ""),
+        "f": Symbol("f", "s^-α"),
+        "Q": Symbol("Q", "{unit}·s"),
+    }
 
     alpha: float
     f: float
@@ -153,6 +165,12 @@ class Order(Part, frozen=True, tag="order"):
 class Arfima(Part, frozen=True, tag="arfima"):
     """A fractional order without the parameter f: ARFIMA(1, d, 0) with innovations of variance s2."""
 
+    symbols: ClassVar[dict[str, Symbol]] = {
+        "d": Symbol("d", ""),
+        "phi": Symbol("phi", ""),
+        "s2": Symbol("s2", VARIANCE),
+    }
+
     d: float
     phi: float
     s2: float
@@ -184,6 +202,12 @@ class Resonance(Part, frozen=True, tag="resonance"):
     Its parameters include the height of the spectrum at its frequency, and the width at half this height.
     """
 
+    symbols: ClassVar[dict[str, Symbol]] = {
+        "height": Symbol("height", VARIANCE),
+        "frequency_hz": Symbol("frequency", "Hz"),
+        "width_hz": Symbol("width", "Hz"),
+    }
+
     height: float
     frequency_hz: float
     width_hz: float
@@ -213,6 +237,8 @@ class Quantisation(Part, frozen=True, tag="quantisation"):
     The rounding errors of the angle are white noise with standard deviation Q.
     """
 
+    symbols: ClassVar[dict[str, Symbol]] = {"Q": Symbol("Q", "{unit}·s")}
+
     Q: float
 
     def eta(self, h: float) -> list[float]:
@@ -231,6 +257,8 @@ class Quantisation(Part, frozen=True, tag="quantisation"):
 
 class Rise(Part, frozen=True, tag="rise"):
     """Noise whose power rises with frequency as |1 - e^{-iλ}|^2δ, up to `power` at half the sample rate."""
+
+    symbols: ClassVar[dict[str, Symbol]] = {"power": Symbol("power", VARIANCE), "delta": Symbol("delta", "")}
 
     power: float
     delta: float
@@ -298,6 +326,11 @@ SLOW = tuple(kind for kind in CODES if kind.has("slow"))
 def kind_of(code: int) -> type[Part]:
     """Return the kind of part that this code number stands for."""
     return Mean if code >= MEAN_FROM else CODES[code]
+
+
+def kind_named(tag: str) -> type[Part]:
+    """Return the kind of part with the tag `tag`."""
+    return CODES[BY_NAME[tag].code]
 
 
 def free_of(code: int) -> int:
