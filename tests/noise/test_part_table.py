@@ -69,6 +69,38 @@ def test_each_parameter_of_a_part_has_a_symbol_and_a_unit(kind: type[Part]) -> N
         assert in_name in (None, unit), f"{kind.__name__}.{name} is in {in_name}, and its symbol in {unit}"
 
 
+DIMENSIONS: dict[str, tuple[float, float, float]] = {
+    "": (0, 0, 0),
+    "s": (0, 1, 0),
+    "Hz": (0, -1, 0),
+    "s^-α": (0, 0, -1),
+    "{unit}": (1, 0, 0),
+    "{unit}·s": (1, 1, 0),
+    "{unit}/√s": (1, -0.5, 0),
+    "({unit})²": (2, 0, 0),
+    "({unit})²·s^-2α": (2, 0, -2),
+}
+"""For each unit of a parameter: the exponents of the samples' unit, and of the second, and what is added to
+the latter for each α.
+"""
+
+
+@kinds
+def test_the_unit_of_a_parameter_is_that_of_its_effect(kind: type[Part]) -> None:
+    """With another unit of the samples and of time, the spectrum is the same noise's in these units."""
+    size, time = 3.0, 0.7
+    example = EXAMPLES[kind.tag()]
+    values = {}
+    for name, (_, unit) in kind.symbols.items():
+        of_size, of_time, of_alpha = DIMENSIONS[unit]
+        power = of_time + of_alpha * getattr(example, "alpha", 0.0)
+        factor = size**of_size * time**power
+        values[name] = getattr(example, name) * (factor if unit else 1)
+    before = p.spectrum([p.White(1.0), example], LAM, H)
+    after = p.spectrum([p.White(size**2), kind(**values)], LAM, H * time)
+    np.testing.assert_allclose(after, size**2 * before, rtol=1e-6, err_msg=f"`symbols` of {kind.__name__}")
+
+
 @kinds
 def test_the_traits_of_a_row_are_those_of_the_spectrum(kind: type[Part]) -> None:
     is_filter, is_behind = kind.has("filter"), kind.has("behind")

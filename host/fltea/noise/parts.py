@@ -130,7 +130,7 @@ class Order(Part, frozen=True, tag="order"):
     symbols: ClassVar[dict[str, Symbol]] = {
         "alpha": Symbol("α", ""),
         "f": Symbol("f", "s^-α"),
-        "Q": Symbol("Q", "{unit}·s"),
+        "Q": Symbol("Q", f"{VARIANCE}·s^-2α"),
     }
 
     alpha: float
