@@ -322,6 +322,12 @@ constexpr bool in_order(int i = 0) { return i == kParts || (kTable[i].part == i 
 static_assert(sizeof kTable == kParts * sizeof(Row), "each part of the enum Part has a row in kTable");
 static_assert(in_order(), "the rows of kTable are in the order of the enum Part");
 
+// Python's classes of parts have the numbers of the first rows (host/fltea/noise/parts.py).
+constexpr bool others_last(int i = 1) {
+    return i == kParts || ((kTable[i].is(kOther) || !kTable[i - 1].is(kOther)) && others_last(i + 1));
+}
+static_assert(others_last(), "the rows of kTable with the trait kOther come after all other rows");
+
 inline const Row& row_of(Part part) { return kTable[part]; }
 inline bool filters(Part part) { return row_of(part).is(kFilter); }
 inline int free_of(Part part) { return row_of(part).free_parameters.count; }
