@@ -53,6 +53,22 @@ def test_each_population_is_on_the_page_of_the_coverage(name: str) -> None:
     assert is_there, f"{page} has no figures of the population {name}: `make validate ARGS=coverage`"
 
 
+@pytest.mark.parametrize("kind", FITTED, ids=lambda kind: kind.tag())
+def test_each_parameter_of_a_part_is_on_the_page_of_the_coverage(kind: type[p.Part]) -> None:
+    """The page has a row for each parameter, or a line with the number of records with such a part."""
+    page = "host/docs/evaluation/coverage.md"
+    text = (ROOT / page).read_text(encoding="utf-8")
+    tag = kind.tag()
+    if re.search(rf"^- \*\*{tag}\*\* \([0-9,]+ records", text, re.MULTILINE | re.IGNORECASE):
+        return
+    for name in kind.__struct_fields__:
+        # an order's own figures have the rows "α of an order"; those of its part are marked as such
+        row = f"{'α' if name == 'alpha' else name} of order (part)" if kind is p.Order else f"{name} of {tag}"
+        assert f"\n| {row} |" in text, (
+            f"{page} has no row `{row}`: `make validate ARGS='coverage --only NAME'`"
+        )
+
+
 @pytest.mark.slow
 def test_each_row_is_measured() -> None:
     """The populations of simulated noises contain every kind of part of noise models, so every interval is
