@@ -20,6 +20,7 @@ from fltea.sources.i2c.chips import CHIPS
 from fltea.wire.sensors import SENSORS
 
 from tests.rig.fake_system import FakeSystem, finding_of, levels
+from tests.rig.source_contracts import CONTRACTS
 
 
 def outputs(system: FakeSystem, **settings: object) -> list[Finding]:
@@ -108,17 +109,7 @@ def test_a_pipe_is_not_opened(system: FakeSystem, tmp_path: Path) -> None:
         os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
 
 
-@pytest.mark.parametrize(
-    "sources",
-    [
-        ("/dev/ttyACM0", "serial:/dev/ttyACM0"),
-        ("serial:/dev/none", "serial-text:/dev/../dev/none?baud=9600"),
-        ("stdin:", "-"),
-        ("i2c:///dev/i2c-1", "i2c:///dev/i2c-1?addr=104"),
-        ("iio:imu", "iio:imu?rate_hz=100"),
-        ("hwgrep://2341", "serial:hwgrep://2341"),
-    ],
-)
+@pytest.mark.parametrize("sources", [pair for one in CONTRACTS.values() for pair in one.same])
 def test_one_port_by_two_names(system: FakeSystem, sources: tuple[str, str]) -> None:
     configs = load_configs(None, {}, sources)
     with pytest.raises(UsageError, match="Only one source can read from it"):
@@ -126,15 +117,9 @@ def test_one_port_by_two_names(system: FakeSystem, sources: tuple[str, str]) -> 
     assert finding_of(list(examine(configs, system, 0.0)), "settings").level == "problem"
 
 
-def test_what_two_sources_may_share() -> None:
-    for sources in (
-        ("synthetic:", "synthetic:"),
-        ("replay:rest.npz", "replay:rest.npz"),
-        ("socket://pi:1", "socket://pi:1"),
-        ("i2c:///dev/i2c-1", "i2c:///dev/i2c-1?addr=0x69"),
-        ("serial:/dev/ttyACM0", "serial:/dev/ttyACM1"),
-    ):
-        check_settings(load_configs(None, {}, sources))
+@pytest.mark.parametrize("sources", [pair for one in CONTRACTS.values() for pair in one.apart])
+def test_what_two_sources_may_share(sources: tuple[str, str]) -> None:
+    check_settings(load_configs(None, {}, sources))
 
 
 def test_packages_have_to_be_there_only_if_asked_for(system: FakeSystem) -> None:

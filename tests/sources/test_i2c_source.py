@@ -11,7 +11,8 @@ from fltea.records.records import Error, Sample
 from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c import source as i2c
 from fltea.sources.i2c.chips import CHIPS
-from fltea.sources.i2c.source import I2cSource, SystemClock, parse_url
+from fltea.sources.i2c.source import I2cSource, SystemClock
+from fltea.sources.i2c.url import parse_url
 from fltea.stream.decode import Decoded, Decoder
 from fltea.wire import layout as wire
 from fltea.wire.layout import SampleFlags

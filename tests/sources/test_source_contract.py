@@ -1,13 +1,11 @@
 """Tests that each source is what its row in `SOURCES` says, and keeps what `Source` promises.
 
-What a row cannot say stands in `CONTRACTS`, typed by hand as a second opinion; a new source needs an entry
-there.
+What a row cannot say stands in `CONTRACTS` of `tests/rig/source_contracts.py`.
 """
 
 import ast
 import importlib
 import inspect
-from typing import NamedTuple
 
 import pytest
 from fltea.records.errors import UsageError, of_input
@@ -20,42 +18,13 @@ from fltea.settings.sources import BY_SCHEME, SOURCES, SourceKind
 from fltea.sources.open_source import open_source
 
 from tests.rig.hostile_words import URLS
+from tests.rig.source_contracts import contract_of
 
-
-class Contract(NamedTuple):
-    """What is expected of a source.
-
-    Attributes:
-        live: whether it may fall silent and come back, as a device may and a recording may not.
-        prompt: whether its samples arrive in real time, so that records have to be written at once.
-        missing: a place at which there is nothing; empty if there is always something.
-    """
-
-    live: bool
-    prompt: bool
-    missing: str
-
-
-CONTRACTS = {
-    "serial": Contract(True, True, "/dev/none"),
-    "i2c": Contract(True, True, "///dev/i2c-none?addr=0x68"),
-    "iio": Contract(True, True, "none"),
-    "replay": Contract(False, False, "none.csv"),
-    "stdin": Contract(False, True, "none"),
-    "serial-text": Contract(True, True, "/dev/none"),
-    "synthetic": Contract(False, True, ""),
-}
 WIRE = {"fltea.sources.wire_events", "fltea.sources.mcap", "fltea._native"}
 """Modules by which a source gives what a board has estimated itself."""
 
 SINGLE = [kind for kind in SOURCES if not kind.shared]
 EACH = pytest.mark.parametrize("kind", SINGLE, ids=lambda kind: kind.schemes[0])
-
-
-def contract_of(kind: SourceKind) -> Contract:
-    name = kind.schemes[0]
-    assert name in CONTRACTS, f"tests/sources/test_source_contract.py: CONTRACTS has no {name}"
-    return CONTRACTS[name]
 
 
 def opened(url: str, **settings: object) -> Source:

@@ -43,8 +43,8 @@ def test_the_scheme_of_its_example_is_its_own(kind: SourceKind) -> None:
 @EACH
 def test_the_module_of_each_opens_it_and_checks_it(kind: SourceKind) -> None:
     declared = ReceiverModule if kind.shared else SourceModule
-    opens = "receiver_of" if kind.shared else "open_named"
-    found = lacking(importlib.import_module(kind.module), declared, opens)
+    opens = ["receiver_of"] if kind.shared else ["open_named", "only_reader_of"]
+    found = lacking(importlib.import_module(kind.module), declared, *opens)
     found += lacking(importlib.import_module(kind.check or kind.module), declared, "check_source")
     assert not found, f"{found} (see the row of {kind.schemes[0]}: in settings/sources.py)"
 

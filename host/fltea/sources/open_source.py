@@ -17,7 +17,7 @@ from fltea.settings.config import SETTINGS, Config
 from fltea.settings.estimator import BY_DEVICE
 from fltea.settings.extras import load
 from fltea.settings.outputs import OUTPUTS, Output
-from fltea.settings.sources import BY_SCHEME, REPLAY, SERIAL, SOURCES, STDIN
+from fltea.settings.sources import BY_SCHEME, REPLAY, SERIAL, SOURCES, STDIN, SourceKind
 from fltea.sources.opening import Named, SourceModule, need_wire
 from fltea.sources.replay import ReplaySource
 from fltea.wire.transport import ANY_BOARD
@@ -87,8 +87,16 @@ def open_source(config: Config) -> Source:
     if kind is None:
         known = ", ".join(kind.example for kind in SOURCES)
         raise UsageError(f"--source {url}: '{scheme}:' is not a kind of source. Known are {known}")
-    module = cast(SourceModule, load(kind.module, kind.library, kind.extra, f"--source {scheme}: needs"))
-    return module.open_named(Named(scheme, place), config)
+    return module_of(kind, scheme).open_named(Named(scheme, place), config)
+
+
+def module_of(kind: SourceKind, scheme: str) -> SourceModule:
+    """Return the module of a kind of source of one device. `scheme`: the scheme of its URL, for the message.
+
+    Raises:
+        UsageError: the library that the module needs is not installed.
+    """
+    return cast(SourceModule, load(kind.module, kind.library, kind.extra, f"--source {scheme}: needs"))
 
 
 def check_shared(configs: Sequence[Config]) -> None:

@@ -1,5 +1,6 @@
 """Define the functions of every source's module (`SourceModule`), and what these functions get."""
 
+import os
 from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
@@ -33,11 +34,31 @@ class SourceModule(Protocol):
             UsageError: the URL or a setting is wrong.
         """
 
+    def only_reader_of(self, named: Named) -> str:
+        """Return what one source alone can read from, such as a port or a sensor, as words for a message.
+
+        URLs that name the same place differently give the same text. The text is empty if several sources may
+        read from the place, as from a recording.
+
+        Raises:
+            UsageError: the URL is wrong.
+        """
+
     def check_source(self, asked: AskedSource) -> Iterator[Finding]:
         """Yield what `fltea doctor` finds about the source, at least one finding.
 
         A row may name another module that has this function.
         """
+
+
+def port_here(url: str) -> str:
+    """Return the name of a serial port of this machine, which is the same for all paths of the port.
+
+    It is empty for a port on the network, whose server may serve several programs.
+    """
+    if "://" not in url:
+        return os.path.realpath(url)
+    return url if url.startswith("hwgrep:") else ""
 
 
 def need_wire(config: Config, url: str) -> None:

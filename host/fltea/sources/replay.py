@@ -351,6 +351,11 @@ def _startup(config: EstimatorConfig) -> int:
     return config.startup_needed if isinstance(config.startup, int) else 0
 
 
+def only_reader_of(named: Named) -> str:
+    """Return "", since several sources may read one recording."""
+    return ""
+
+
 def check_source(asked: AskedSource) -> Iterator[Finding]:
     """Yield how the recording can be read. That it can be opened was tried before."""
     path = Path(asked.place)

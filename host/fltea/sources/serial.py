@@ -8,7 +8,7 @@ from fltea.records import clock
 from fltea.records.events import Event, Reads, TransportEvent
 from fltea.records.stats import LinkStats
 from fltea.settings.config import Config
-from fltea.sources.opening import Named
+from fltea.sources.opening import Named, port_here
 from fltea.sources.wire_events import WireEvents
 from fltea.wire.ports import TICK_S
 from fltea.wire.reader import Reader
@@ -93,3 +93,8 @@ class SerialSource:
 def open_named(named: Named, config: Config) -> SerialSource:
     """Return the source that reads the board at a port."""
     return SerialSource(named.place, config.link.baud, config.link.latency_s)
+
+
+def only_reader_of(named: Named) -> str:
+    """Return the port, if it is one of this machine."""
+    return port_here(named.place)

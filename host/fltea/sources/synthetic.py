@@ -162,6 +162,11 @@ def open_named(named: Named, config: Config) -> SyntheticSource:
     return SyntheticSource(named.place, realtime=config.pace != "fast")
 
 
+def only_reader_of(named: Named) -> str:
+    """Return "", since several sources may simulate the same noise."""
+    return ""
+
+
 def check_source(asked: AskedSource) -> Iterator[Finding]:
     """Yield that there is nothing to check."""
     yield ok("source", f"{asked.url}: synthetic noise")

@@ -19,7 +19,7 @@ from fltea.records.stats import LinkStats
 from fltea.settings.config import Config
 from fltea.settings.how import How
 from fltea.settings.sources import STDIN
-from fltea.sources.opening import Named
+from fltea.sources.opening import Named, port_here
 from fltea.sources.text_events import TextEvents
 from fltea.wire.ports import TICK_S
 from fltea.wire.reader import Reader
@@ -32,6 +32,9 @@ MOST_DIGITS = 9
 """Most digits of a speed; no port has a faster one."""
 
 READ_BYTES = 1 << 16
+
+STANDARD_INPUT = ("", "-", "/dev/stdin")
+"""Names of the standard input."""
 
 
 class PipeText:
@@ -48,7 +51,7 @@ class PipeText:
 
     def __init__(self, rest: str, how: How) -> None:
         self._events = TextEvents(f"stdin:{rest}", how, fatal=False)
-        self._owned = rest not in ("", "/dev/stdin", "-")
+        self._owned = rest not in STANDARD_INPUT
         self._descriptor = 0
         if self._owned:
             try:
@@ -178,3 +181,10 @@ def parse_serial(rest: str) -> tuple[str, int]:
 def open_named(named: Named, config: Config) -> PipeText | SerialText:
     """Return the source that reads lines of text from a pipe or from a port."""
     return (PipeText if named.scheme == STDIN else SerialText)(named.place, config.replay.how)
+
+
+def only_reader_of(named: Named) -> str:
+    """Return the pipe, or the port if it is one of this machine."""
+    if named.scheme != STDIN:
+        return port_here(parse_serial(named.place)[0])
+    return "the standard input" if named.place in STANDARD_INPUT else os.path.realpath(named.place)

@@ -11,7 +11,7 @@ from fltea.records.errors import UsageError
 from fltea.sources.i2c.bus import detect_command
 from fltea.sources.i2c.chip import Family
 from fltea.sources.i2c.chips import ADDRESSES, CHIPS, ask_identity
-from fltea.sources.i2c.source import parse_url
+from fltea.sources.i2c.url import parse_url
 from fltea.wire.sensors import SENSORS, known_sensors, sensor_name
 
 FASTEST_HZ = 400_000

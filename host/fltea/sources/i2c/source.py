@@ -14,11 +14,8 @@ import random
 import time
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
-from typing import NamedTuple
-from urllib.parse import parse_qsl, urlsplit
 
 from fltea.records import clock
-from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, Tick, Trouble, block_of
 from fltea.records.records import Hello
 from fltea.records.repeat import OnceAMinute
@@ -28,10 +25,10 @@ from fltea.settings.config import Config
 from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c.bus import Bus, explain_open_failure
 from fltea.sources.i2c.chip import Chip
-from fltea.sources.i2c.chips import ADDRESSES, CHIPS
 from fltea.sources.i2c.driver import TRIES, Driver, SensorFault, TransferFailed
 from fltea.sources.i2c.fifo_reader import FifoReader, Loss
 from fltea.sources.i2c.texts import bus_lost_text, fault_text, loss_text
+from fltea.sources.i2c.url import Place, parse_url
 from fltea.sources.opening import Named
 from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import NO_SENSOR, relative_text, sensor_name
@@ -57,48 +54,6 @@ class SystemClock:
 
 class _Closed(Exception):
     """Raised inside `I2cSource.events` to end the iteration of events after a call of `close`."""
-
-
-class Place(NamedTuple):
-    """Parts of the URL: path of the bus, address of the sensor, and the sensor's family.
-
-    The family is "" if the user does not give it.
-    """
-
-    path: str
-    address: int
-    chip: str = ""
-
-
-def parse_url(rest: str) -> Place:
-    """Return bus, address and family of the sensor, from the part of the URL after `i2c:`.
-
-    Raises:
-        UsageError: the URL is wrong; the message says where.
-    """
-    usual = "Give for instance 'i2c:///dev/i2c-1?addr=0x68' (in quotes, for the shell knows '?' too)"
-    try:
-        parts = urlsplit(rest)
-    except ValueError:  # brackets that do not close
-        parts = urlsplit("")
-    if parts.netloc or not parts.path.startswith("/dev/") or parts.fragment:
-        raise UsageError(f"i2c:{rest}: not the path of a bus such as /dev/i2c-1. {usual}.")
-    keys = dict(parse_qsl(parts.query, keep_blank_values=True))
-    if unknown := sorted(keys.keys() - {"addr", "chip"}):
-        raise UsageError(f"i2c:{rest}: there is no key '{unknown[0]}'; it takes addr and chip. {usual}.")
-    chip, text = keys.get("chip"), keys.get("addr", "0x68")
-    if chip not in (None, *CHIPS):
-        raise UsageError(
-            f"i2c:{rest}: chip is {' or '.join(CHIPS)}, not '{chip}'. Without the key, the chip is asked."
-        )
-    try:
-        address = int(text, 0)
-    except ValueError:
-        address = 0
-    if address not in ADDRESSES:
-        known = " or ".join(f"0x{one:02X} ({how})" for one, how in ADDRESSES.items())
-        raise UsageError(f"i2c:{rest}: addr is {known}, not '{text}'. {usual}.")
-    return Place(parts.path, address, chip or "")
 
 
 def lost_polls(chip: Chip) -> int:
@@ -394,3 +349,9 @@ class I2cSource:
 def open_named(named: Named, config: Config) -> I2cSource:
     """Return the source that reads a chip on an I²C bus."""
     return I2cSource(named.place)
+
+
+def only_reader_of(named: Named) -> str:
+    """Return the bus and the address of the sensor."""
+    place = parse_url(named.place)
+    return f"{os.path.realpath(place.path)} at address 0x{place.address:02X}"

@@ -388,3 +388,8 @@ def _what_it_has(device: Attributes) -> str:
 def open_named(named: Named, config: Config) -> IioSource:
     """Return the source that reads a device of the kernel."""
     return IioSource(named.place)
+
+
+def only_reader_of(named: Named) -> str:
+    """Return the device, by the name that the URL gives it."""
+    return f"iio:{named.place.partition('?')[0]}"
