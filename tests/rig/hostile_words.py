@@ -63,9 +63,13 @@ PLACES = [
     "//\udcff",
     "//127.0.0.1:" + "9" * 20,
     "//" + "a" * 100 + ".x",
+    "//" + "x" * 100 + ":5555",
+    "//a b:5555",
     "?=&=",
 ]
-"""Parts of a URL after the colon that no source can be at."""
+"""Parts of a URL after the colon that no source can be at. Some have a valid port behind a host that no machine
+can have, so that a source cannot refuse them for their port.
+"""
 VALUES = ["9" * 5000, "1e308", "-1", ""]
 OF_THE_EXAMPLES = [
     re.sub("=[^&]*", f"={value}", kind.example) for kind in SOURCES if "=" in kind.example for value in VALUES

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -78,14 +79,32 @@ def test_the_help_and_the_guide_name_each(kind: SourceKind) -> None:
         assert any(f"`{scheme}:" in cell for cell in cells), f"guide/sources.md: no row has `{scheme}:…`"
 
 
+def test_kinds_that_share_a_phrase_of_the_help_are_alike() -> None:
+    """Kinds with an empty `what` get the phrase of the next row, which may be that of something else."""
+    first = SOURCES[0]
+    for before, kind in pairwise(SOURCES):
+        first = kind if before.what else first
+        for name in ("shared", "described", "samples_only"):
+            assert getattr(kind, name) == getattr(first, name), (
+                f"settings/sources.py: {kind.schemes[0]} shares the phrase '{kind.what or '…'}' with "
+                f"{first.schemes[0]}, whose {name} is another. Give the row above it a phrase (`what`)."
+            )
+    assert SOURCES[-1].what, "settings/sources.py: no row follows whose phrase describes the last kind, too"
+
+
+def words_of(kind: SourceKind) -> set[str]:
+    return {*kind.schemes, *"_".join(kind.module.split(".")[2:]).split("_")}
+
+
 @EACH
 def test_the_list_of_rooms_names_each(kind: SourceKind) -> None:
+    """A word that stands for another kind, too, such as "text", names none of them."""
     readme = (ROOT / "host/README.md").read_text(encoding="utf-8")
-    _, room, *inside = kind.module.split(".")
+    room = kind.module.split(".")[1]
     (row,) = re.findall(rf"^\| `{room}/` \|.*", readme, re.MULTILINE)
-    words = {*kind.schemes, *"_".join(inside).split("_")}
-    assert any(word in row.lower().replace("²", "2") for word in words), (
-        f"host/README.md, the rooms: the row of {room}/ names none of {words}"
+    own = words_of(kind).difference(*(words_of(other) for other in SOURCES if other is not kind))
+    assert own & set(re.findall(r"[\w-]+", row.lower().replace("²", "2"))), (
+        f"host/README.md, the rooms: the row of {room}/ names none of {own}"
     )
 
 
