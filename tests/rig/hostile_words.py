@@ -67,8 +67,8 @@ PLACES = [
     "//a b:5555",
     "?=&=",
 ]
-"""Parts of a URL after the colon that no source can be at. Some have a valid port behind a host that no machine
-can have, so that a source cannot refuse them for their port.
+"""Parts of a URL after the colon that no source can be at. Some have a valid port and a host that no machine
+can have, so that they are not refused for their port.
 """
 VALUES = ["9" * 5000, "1e308", "-1", ""]
 OF_THE_EXAMPLES = [

@@ -131,6 +131,13 @@ def test_the_doctor_says_whether_the_server_of_a_shared_source_answers(
     assert f"port {closed}, cannot be reached" in found.message
 
 
+def test_the_doctor_says_that_no_machine_can_have_the_host_of_a_shared_source(tmp_path: Path) -> None:
+    """Python raises a `UnicodeError` for a part of a name that is too long."""
+    config = load_config(None, {"source": f"nats://{'x' * 100}:5555"})
+    (found,) = check_source(config, FakeSystem(tmp_path), 0.0)
+    assert (found.level, "no machine can have this name" in found.message) == ("problem", True)
+
+
 def test_the_doctor_looks_at_every_server_of_nats(listening: int, tmp_path: Path) -> None:
     url = f"nats://127.0.0.1:{listening},nats://localhost:{listening}"
     found = list(check_source(load_config(None, {"source": url}), FakeSystem(tmp_path), 0.0))

@@ -21,10 +21,11 @@ def answers(check: str, server: str, host: str, port: int) -> Finding:
     """Return whether something answers at an address. `server`: what should answer there, for the text."""
     try:
         socket.create_connection((host, port), CONNECT_S).close()
-    except OSError as error:
+    except (OSError, UnicodeError) as error:
+        why = "no machine can have this name" if isinstance(error, UnicodeError) else error.strerror or error
         return problem(
             check,
-            f"the {server} at {host}, port {port}, cannot be reached ({error.strerror or error}).",
+            f"the {server} at {host}, port {port}, cannot be reached ({why}).",
             "is it running, does it listen on that address and port, is a firewall between? fltea goes on "
             "without it and tries again.",
         )

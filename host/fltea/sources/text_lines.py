@@ -4,14 +4,15 @@ The text is CSV with or without a header, or JSON objects. The text is read by t
 (`fltea.recording.text_rows`). All samples that have arrived together are passed on as one block.
 """
 
-import contextlib
 import os
 import select
 import stat
 import sys
+import threading
 from collections.abc import Iterator
 from urllib.parse import parse_qsl
 
+from fltea.process.wake_up import WakeUp
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Event, Failed, Opened, TransportEvent
@@ -60,8 +61,9 @@ class PipeText:
                 raise UsageError(f"stdin:{rest}: cannot be read ({error.strerror}).") from error
         elif sys.__stdin__ is None:  # descriptor 0 is then that of the file that was opened first
             raise UsageError("stdin: this program was started without a standard input.")
-        self._closed_read, self._closed_write = os.pipe()
-        self._closed = False
+        self._wake_up = WakeUp()
+        self._closed = self._begun = False
+        self._lock = threading.RLock()
 
     @property
     def unix_offset_ns(self) -> int:
@@ -70,10 +72,14 @@ class PipeText:
 
     def events(self) -> Iterator[Event]:
         """Yield the events of the text until the input ends or `close` is called."""
+        with self._lock:
+            if self._closed:
+                return
+            self._begun = True
         ready = select.poll()
         is_file = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
         ready.register(self._descriptor, select.POLLIN)
-        ready.register(self._closed_read, select.POLLIN)
+        ready.register(self._wake_up, select.POLLIN)
         self._events.open(clock.host_ns(), within_line=False)
         try:
             while not self._closed:
@@ -94,18 +100,24 @@ class PipeText:
                 yield from self._events.feed(data, now_ns)
             yield from self._events.close(clock.host_ns())
         finally:
-            if self._owned:
-                os.close(self._descriptor)
+            self._release()
 
     def link_stats(self) -> LinkStats:
         """Return the counts of bytes, of lines with a sample, and of lines without a sample."""
         return self._events.link_stats()
 
     def close(self) -> None:
-        """End the iteration of `events`."""
-        self._closed = True
-        with contextlib.suppress(OSError):
-            os.write(self._closed_write, b"\0")
+        """End the iteration of `events`, which also releases the pipe."""
+        with self._lock:
+            self._closed = True
+            if not self._begun:
+                self._release()
+        self._wake_up.ring()
+
+    def _release(self) -> None:
+        if self._owned:
+            self._owned = False
+            os.close(self._descriptor)
 
 
 class SerialText:

@@ -15,6 +15,7 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 
+from fltea.process.wake_up import WakeUp
 from fltea.recording.sample_times import TimeColumn
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.records import clock
@@ -117,7 +118,7 @@ class IioSource:
         self._root = root_of(self._place.device)
         self.url = f"iio:{rest}"
         self._boot = int.from_bytes(os.urandom(4), "big")
-        self._closed_read, self._closed_write = os.pipe()
+        self._wake_up = WakeUp()
         self._closed = False
         self._reported = OnceAMinute()
         self._counts = Counts()
@@ -153,9 +154,8 @@ class IioSource:
 
     def close(self) -> None:
         """Let the iteration of `events` end, which also restores the device's settings."""
-        if not self._closed:
-            self._closed = True
-            os.write(self._closed_write, b"\0")
+        self._closed = True
+        self._wake_up.ring()
 
     def _use(self) -> Iterator[Event]:
         """Open the device, and read samples until the device is lost."""
@@ -208,7 +208,7 @@ class IioSource:
     def _read(self, reader: "_Reader", buffer: Buffer) -> Iterator[Event]:
         ready = select.poll()
         ready.register(buffer.fd, select.POLLIN)
-        ready.register(self._closed_read, select.POLLIN)
+        ready.register(self._wake_up, select.POLLIN)
         silence, rest = Silence(clock.host_ns()), b""
         while not self._closed:
             found = {fd for fd, _ in ready.poll(TICK_S * 1000)}
@@ -268,7 +268,7 @@ class IioSource:
     def _pause(self, seconds: float) -> Iterator[Event]:
         end_ns = clock.host_ns() + round(seconds * 1e9)
         while not self._closed and (left_ns := end_ns - clock.host_ns()) > 0:
-            select.select([self._closed_read], [], [], min(TICK_S, left_ns * 1e-9))
+            self._wake_up.wait(min(TICK_S, left_ns * 1e-9))
             yield Tick(clock.host_ns())
 
 
