@@ -20,10 +20,12 @@ from fltea.records.errors import UsageError, of_input
 from fltea.records.events import Event, RawBlock, Tick, Trouble
 from fltea.records.kinds import ERROR_KINDS
 from fltea.records.ports import Source
+from fltea.records.records import Hello
 from fltea.service.ingest.receivers import receiver_of
 from fltea.settings.config import load_config
 from fltea.settings.sources import BY_SCHEME, SOURCES, SourceKind
 from fltea.sources.open_source import open_source
+from fltea.sources.opening import Named
 
 from tests.rig.blocks import of
 from tests.rig.hostile_words import URLS
@@ -43,46 +45,6 @@ EACH = pytest.mark.parametrize("kind", SINGLE, ids=lambda kind: kind.schemes[0])
 
 def opened(url: str, **settings: object) -> Source:
     return open_source(load_config(None, {"source": url, **settings}))
-
-
-@EACH
-def test_each_is_live_and_prompt_as_expected(kind: SourceKind, tmp_path: object) -> None:
-    expected = contract_of(kind)
-    place = expected.missing if expected.live else ""
-    if kind.schemes[0] == "replay":
-        place = f"{tmp_path}/rest.csv"
-        with open(place, "w", encoding="utf-8") as file:
-            file.write("gyro_x_dps\n" + "1\n2\n" * 100)
-    how = {"replay.rate_hz": 100.0} if kind.described else {}
-    source = opened(f"{kind.schemes[0]}:{place}", **{"estimator.startup": 20}, **how)
-    try:
-        found = source.live, source.prompt
-        assert found == (expected.live, expected.prompt), f"{kind.module}: live, prompt = {found}"
-        assert isinstance(source.unix_offset_ns, int)
-        assert source.link_stats().bytes == 0
-    finally:
-        source.close()
-        source.close()
-
-
-@EACH
-def test_what_is_missing_is_waited_for_by_a_live_source_and_refused_by_another(kind: SourceKind) -> None:
-    """The trouble of a live source is fatal, so that `--once` ends."""
-    expected, scheme = contract_of(kind), kind.schemes[0]
-    if not expected.missing:
-        return
-    url = f"{scheme}:{expected.missing}"
-    if not expected.live:
-        with pytest.raises(UsageError, match="none"):
-            opened(url)
-        return
-    source = opened(url)
-    events = source.events()
-    trouble = next(event for event in events if isinstance(event, Trouble))
-    assert trouble.fatal, f"{kind.module}: {trouble.kind} has to be fatal, since {url} does not exist"
-    assert trouble.kind in ERROR_KINDS
-    source.close()
-    assert not [event for event in events if not isinstance(event, Trouble)]
 
 
 class Iteration:
@@ -131,6 +93,46 @@ class Iteration:
         assert not self._thread.is_alive(), f"{self._name}: `close` does not end an iteration that waits"
         while not self._queue.empty():
             self._take(0)
+
+
+@EACH
+def test_each_is_live_and_prompt_as_expected(kind: SourceKind, tmp_path: object) -> None:
+    expected = contract_of(kind)
+    place = expected.missing if expected.live else ""
+    if kind.schemes[0] == "replay":
+        place = f"{tmp_path}/rest.csv"
+        with open(place, "w", encoding="utf-8") as file:
+            file.write("gyro_x_dps\n" + "1\n2\n" * 100)
+    how = {"replay.rate_hz": 100.0} if kind.described else {}
+    source = opened(f"{kind.schemes[0]}:{place}", **{"estimator.startup": 20}, **how)
+    try:
+        found = source.live, source.prompt
+        assert found == (expected.live, expected.prompt), f"{kind.module}: live, prompt = {found}"
+        assert isinstance(source.unix_offset_ns, int)
+        assert source.link_stats().bytes == 0
+    finally:
+        source.close()
+        source.close()
+
+
+@EACH
+def test_what_is_missing_is_waited_for_by_a_live_source_and_refused_by_another(kind: SourceKind) -> None:
+    """The trouble of a live source is fatal, so that `--once` ends."""
+    expected, scheme = contract_of(kind), kind.schemes[0]
+    if not expected.missing:
+        return
+    url = f"{scheme}:{expected.missing}"
+    if not expected.live:
+        with pytest.raises(UsageError, match="none"):
+            opened(url)
+        return
+    iteration = Iteration(opened(url), kind.module)
+    iteration.until(Trouble)
+    iteration.end()
+    trouble, *_ = of(Trouble, iteration.found)
+    assert trouble.fatal, f"{kind.module}: {trouble.kind} has to be fatal, since {url} does not exist"
+    assert trouble.kind in ERROR_KINDS
+    assert not of(Hello, iteration.found) + of(RawBlock, iteration.found)
 
 
 def places(kind: SourceKind, folder: Path, opened: ExitStack) -> Iterator[Quiet]:
@@ -205,6 +207,15 @@ def descriptors() -> dict[int, str]:
         with contextlib.suppress(FileNotFoundError):  # the descriptor of the list itself
             found[int(number)] = os.readlink(f"/proc/self/fd/{number}")
     return found
+
+
+@EACH
+def test_what_one_source_alone_can_read_from_has_two_names(kind: SourceKind) -> None:
+    """The pairs of names are tried in `tests/machine/test_doctor.py`."""
+    contract, scheme = contract_of(kind), kind.schemes[0]
+    alone = importlib.import_module(kind.module).only_reader_of(Named(scheme, contract.missing))
+    assert bool(alone) == bool(contract.same), f"{kind.module}: only_reader_of gives '{alone}'"
+    assert alone or not contract.live, f"{kind.module}: only one source can read from a device"
 
 
 @EACH

@@ -1,8 +1,6 @@
 """Tests events of live text in simulated time: sample numbers, times, gaps, restarts, reported errors."""
 
 import os
-import threading
-import tty
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -250,45 +248,6 @@ def test_a_fifo_gives_samples_as_they_come_and_ends_with_its_sender(fifo: Path) 
         [4],
     ]
     assert source.link_stats().frames == 4
-
-
-def test_close_ends_the_waiting_for_a_sender(fifo: Path) -> None:
-    source = PipeText(str(fifo), RATE)
-    found: list[Event] = []
-    thread = threading.Thread(target=lambda: found.extend(source.events()), daemon=True)
-    thread.start()
-    source.close()
-    thread.join(timeout=30)
-    assert not thread.is_alive()
-
-
-TIMED = b"t_ms,gx\n" + b"".join(b"%d,%d\n" % (10 * k, k % 7) for k in range(100))
-"""One second of samples with times, after which their rate is not known yet."""
-
-
-def test_samples_that_wait_for_their_rate_are_handed_on_at_the_end_of_a_pipe(fifo: Path) -> None:
-    source = PipeText(str(fifo), TIMES)
-    events = source.events()
-    with fifo.open("wb", buffering=0) as sender:
-        sender.write(TIMED)
-        assert isinstance(next(events), Tick)  # nothing else comes from the samples yet
-        source.close()
-        assert sum(len(block.sequence) for block in of(RawBlock, list(events))) == 100
-
-
-def test_samples_that_wait_for_their_rate_are_handed_on_at_the_end_of_a_port() -> None:
-    controller, port = os.openpty()
-    tty.setraw(port)
-    source = SerialText(os.ttyname(port), TIMES)
-    events = source.events()
-    assert isinstance(next(events), Tick)  # a tick shows that the port is open
-    os.write(controller, b"\n" + TIMED)
-    while source.link_stats().bytes < len(TIMED):
-        assert isinstance(next(events), Tick)
-    source.close()
-    assert sum(len(block.sequence) for block in of(RawBlock, list(events))) == 100
-    os.close(port)
-    os.close(controller)
 
 
 def test_no_such_fifo() -> None:

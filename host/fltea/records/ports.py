@@ -25,7 +25,12 @@ class Source(Protocol):
         """Return the current offset from `host_ns` of the source's events to Unix time [ns]."""
 
     def events(self) -> Iterator[Event]:
-        """Yield events until the source ends or is closed."""
+        """Yield events until the source ends or is closed.
+
+        While others have to send samples and nothing comes, yield a `Tick` about twice a second. After
+        `close`, also an iteration that waits in another thread ends. Samples that came before, and whose
+        sampling rate is not known yet, are still yielded.
+        """
 
     def link_stats(self) -> LinkStats:
         """Return the counts of bytes and frames that arrived or were lost in transit."""

@@ -1,7 +1,8 @@
 """Kinds of sources of samples, each declared once.
 
 A new kind needs a row of `SOURCES`, the module that the row names, and a row in the table of
-`host/docs/guide/sources.md`. `tests/sources/test_source_table.py` names what is missing.
+`host/docs/guide/sources.md`. `tests/sources/test_source_table.py` names what is missing. `host/CHANGING.md`
+lists what else it touches.
 """
 
 from typing import NamedTuple
