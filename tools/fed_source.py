@@ -16,7 +16,7 @@ class FedSource:
     `prompt`: whether the samples arrive in real time.
     """
 
-    live = True
+    live = has_clock = True
 
     def __init__(self, url: str, *, prompt: bool = True) -> None:
         self.wire, self.prompt = WireEvents(url), prompt

@@ -48,16 +48,18 @@ class Timebase {
 
     // Returns how much faster the device's clock runs than the host's, in millionths. The result is NaN in
     // the first ten seconds. It is also NaN if all delays are exactly 0, because then the arrival times were
-    // computed from the device times.
+    // computed from the device times, and if the samples do not arrive in real time.
     double clock_ppm() const {
         bool any = false;
         for (const Arrival& one : seconds_) any |= one.delay != 0;
-        return seconds_.size() >= kSecondsForPpm && any ? (1.0 / (1.0 + fit_.slope) - 1.0) * 1e6 : kUnknown;
+        if (seconds_.size() < kSecondsForPpm || !any || !is_real_time()) return kUnknown;
+        return (1.0 / (1.0 + fit_.slope) - 1.0) * 1e6;
     }
 
-    // Returns the number of samples per second of host time, or NaN before the second sample.
+    // Returns the number of samples per second of host time. The result is NaN before the second sample, and
+    // if the samples do not arrive in real time.
     double rate_hz() const {
-        if (!begun_ || latest_us_ == origin_us_) return kUnknown;
+        if (!begun_ || latest_us_ == origin_us_ || !is_real_time()) return kUnknown;
         return double(latest_seq_ - first_seq_) / (double(latest_us_ - origin_us_) * 1e-6) /
                (1.0 + fit_.slope);
     }
@@ -69,6 +71,13 @@ class Timebase {
     // Standard deviations that are assumed before any measurement: of a delay, and of the ratio of the two
     // clocks' rates. A sensor's own oscillator is accurate to 1 %.
     static constexpr double kDelayStdS = 1e-3, kClockStd = 1e-2;
+
+    // The least time of the host in which a device's clock advances by one second, if the samples arrive in
+    // real time [s]. No device's clock is twice as fast as it should be, but a stored file is read in an
+    // instant. There is no upper limit, since an emulated device on a busy computer is slow.
+    static constexpr double kLeastHostTime = 0.5;
+
+    bool is_real_time() const { return 1.0 + fit_.slope >= kLeastHostTime; }
 
     void begin(std::int64_t seq, std::int64_t device_us, std::int64_t host_ns) {
         begun_ = true;

@@ -24,6 +24,7 @@ class Source:
     """A source whose events a test feeds into the pipeline directly."""
 
     live = False
+    has_clock = True
 
     def __init__(self, *, prompt: bool = False, unix_offset_ns: int = 0) -> None:
         self.prompt, self.unix_offset_ns = prompt, unix_offset_ns

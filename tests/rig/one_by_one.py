@@ -74,9 +74,18 @@ class Timebase:
         # of the device's clock.
         if len(self._blocks) < BLOCKS_FOR_PPM or not any(map(DELAY, self._blocks)):
             return None
+        if not self._is_real_time:
+            return None
         return (1.0 / (1.0 + self._slope_error) - 1.0) * 1e6
 
     @property
     def rate_hz(self) -> float | None:
         samples, device_us = self._latest[0] - self._first[0], self._latest[1] - self._first[1]
-        return samples / (device_us * 1e-6) / (1.0 + self._slope_error) if device_us else None
+        if not device_us or not self._is_real_time:
+            return None
+        return samples / (device_us * 1e-6) / (1.0 + self._slope_error)
+
+    @property
+    def _is_real_time(self) -> bool:
+        # No device's clock runs twice as fast as the host's, but a file is read in an instant.
+        return 1.0 + self._slope_error >= 0.5

@@ -92,6 +92,23 @@ def test_times_of_arrival_that_are_the_devices_own_tell_no_drift() -> None:
     assert timebase.clock_ppm is None
 
 
+@pytest.mark.parametrize("block", [1, 100, 100_000])
+def test_a_file_that_is_read_in_an_instant_tells_neither_rate_nor_drift(block: int) -> None:
+    """Samples of twenty minutes arrive within a moment, in blocks of this many samples."""
+    timebase = Timebase(0)
+    seq = np.arange(120_000)
+    timebase.add(seq, seq * PERIOD_US, seq // block * block * 400)
+    assert (timebase.rate_hz, timebase.clock_ppm) == (None, None)
+
+
+def test_a_device_at_a_fifth_of_its_speed_tells_both() -> None:
+    timebase = Timebase(0)
+    seq = np.arange(10_000)
+    timebase.add(seq, seq * PERIOD_US, seq * PERIOD_US * 5000)
+    assert timebase.rate_hz == pytest.approx(20.0)
+    assert timebase.clock_ppm == pytest.approx(-800_000)
+
+
 def test_first_time_is_the_arrival() -> None:
     assert add_one(Timebase(OFFSET_NS), 3, 123_456, 777) == OFFSET_NS + 777
 

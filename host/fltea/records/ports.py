@@ -15,10 +15,16 @@ class Source(Protocol):
 
     `live`: whether the source may fall silent and come back, as a device may and a recording may not.
     `prompt`: whether the samples arrive in real time, so that records must be written at once.
+    `has_clock`: whether the device times come from a clock of the device. They do not if they are computed
+    from the order of the samples and a rate that the user states.
     """
 
     live: bool
     prompt: bool
+
+    @property
+    def has_clock(self) -> bool:
+        """See the text of the class."""
 
     @property
     def unix_offset_ns(self) -> int:

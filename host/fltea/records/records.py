@@ -322,11 +322,12 @@ class Stats(Record, frozen=True, tag="stats"):
     """Time of this record [ns]."""
     rate_hz: float | None
     """Sampling rate by the host's clock [Hz]. It is computed from sequence numbers, so lost samples do not
-    lower it.
+    lower it. Null at first, and if the samples do not arrive in real time, such as those of a file through a
+    pipe.
     """
     clock_ppm: float | None
-    """How much faster the device's clock runs than the host's, as a fraction [1e-6]. Null at first, and for a
-    recording without host times.
+    """How much faster the device's clock runs than the host's, as a fraction [1e-6]. Null at first, for a
+    recording without host times, for text without times, and if the samples do not arrive in real time.
     """
     startup_remaining: int
     """Number of samples until the start-up window is full."""

@@ -25,7 +25,7 @@ class FramesSource:
     device the receiver has dropped. `tap`: function that is called with every message before it is decoded.
     """
 
-    live = prompt = True
+    live = prompt = has_clock = True
 
     def __init__(self, url: str, overflow_bytes: Callable[[], int]) -> None:
         self.url = url

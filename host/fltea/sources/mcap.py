@@ -205,6 +205,7 @@ class McapRecording:
     """
 
     live = prompt = False
+    has_clock = True
 
     def __init__(self, session: Session, name: str, limits: Limits = DEFAULT_LIMITS) -> None:
         self.parts = parts = session.parts

@@ -71,6 +71,7 @@ class ByOrder:
     """Numbers samples without times by their order, at a rate that the user gives."""
 
     uneven = ""
+    has_clock = False
 
     def __init__(self, rate_hz: float) -> None:
         self.rate_hz: float | None = rate_hz
@@ -136,6 +137,11 @@ class ByTime:
     def rate_hz(self) -> float | None:
         """Sampling rate, measured or given by the user; None while it is still being measured."""
         return self._timing.rate_hz if self._timing is not None else None
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether the times are even enough to be those of a device's clock."""
+        return self._numbering is not None
 
     @property
     def uneven(self) -> str:

@@ -69,6 +69,7 @@ class ReplaySource:
     """
 
     live = False
+    has_clock = True
 
     def __init__(
         self,

@@ -29,7 +29,7 @@ class SerialSource:
         UsageError: the kind of URL is unknown, or the speed is 1200 baud, which would erase an Arduino Due.
     """
 
-    live = prompt = True
+    live = prompt = has_clock = True
 
     def __init__(self, url: str, baud: int, latency_s: float = 0.0) -> None:
         self.url = url

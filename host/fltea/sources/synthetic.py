@@ -112,6 +112,7 @@ class SyntheticSource:
     """
 
     live = False
+    has_clock = True
 
     def __init__(self, query: str, *, realtime: bool) -> None:
         self.settings = parse_noise(query)

@@ -140,6 +140,11 @@ class TextEvents:
         """Name of the source in messages about its text."""
         return self.url.removesuffix(":")
 
+    @property
+    def has_clock(self) -> bool:
+        """Whether the samples are numbered by their times; False until the columns are known."""
+        return self._numbers is not None and self._numbers.has_clock
+
     def open(self, now_ns: int, *, within_line: bool) -> None:
         """Note that the input was opened. `within_line`: whether its first bytes may be the end of a line."""
         self._counts.connections += 1

@@ -70,6 +70,11 @@ class PipeText:
         """Offset from the monotonic clock to Unix time at present [ns]."""
         return clock.unix_offset_ns()
 
+    @property
+    def has_clock(self) -> bool:
+        """Whether the text has times, by which the samples are numbered."""
+        return self._events.has_clock
+
     def events(self) -> Iterator[Event]:
         """Yield the events of the text until the input ends or `close` is called."""
         with self._lock:
@@ -136,6 +141,11 @@ class SerialText:
         self._events = TextEvents(f"serial-text:{rest}", how, fatal=True)
         self._reader = Reader(Port(url, baud))
         self.unix_offset_ns = clock.unix_offset_ns()
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether the text has times, by which the samples are numbered."""
+        return self._events.has_clock
 
     def events(self) -> Iterator[Event]:
         """Yield the events of the text until `close` is called. A separate thread reads the port."""

@@ -302,7 +302,7 @@ class Pipeline:
             epoch=self._decoder.epoch,
             host_ns=self._time.unix_ns,
             rate_hz=device.rate_hz,
-            clock_ppm=device.clock_ppm,
+            clock_ppm=device.clock_ppm if self._source.has_clock else None,
             startup_remaining=standing.startup_remaining,
             link=self._source.link_stats(),
             sample_counts=self._decoder.counts,

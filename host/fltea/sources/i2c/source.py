@@ -196,7 +196,7 @@ class I2cSource:
     `unix_offset_ns`: offset from the monotonic clock to Unix time at the last event [ns].
     """
 
-    live = prompt = True
+    live = prompt = has_clock = True
 
     def __init__(
         self,

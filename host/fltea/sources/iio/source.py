@@ -111,7 +111,7 @@ class IioSource:
         UsageError: `parse_url` refuses the URL.
     """
 
-    live = prompt = True
+    live = prompt = has_clock = True
 
     def __init__(self, rest: str) -> None:
         self._place = parse_url(rest)
