@@ -268,8 +268,7 @@ def test_what_is_written_follows_no_link_and_waits_for_no_pipe(option: str) -> N
         check([*BASES["fleet"], "--history", "old.db"], (1,))
     for kind in STRANGE:
         put(kind, name)
-        # `--state` replaces a link to a file that does not exist by a new snapshot.
-        is_replaced = kind != "pipe" and (option in REPLACED or (option, kind) == ("--state", "link to none"))
+        is_replaced = kind != "pipe" and option in REPLACED
         check(line, (0,) if is_replaced else (1, 2))
         assert Path(name).is_symlink() == (kind != "pipe" and not is_replaced)
         assert Path(name).is_fifo() == (kind == "pipe")

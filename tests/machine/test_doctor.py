@@ -356,5 +356,9 @@ def test_a_snapshot_that_is_no_file_of_ours(system: FakeSystem, tmp_path: Path) 
     notes.write_text("[1]")
     (found,) = outputs(system, state__file=str(notes))
     assert (found.level, "no snapshot of fltea" in found.message) == ("problem", True)
+    for k, target in enumerate((notes, tmp_path / "none", tmp_path)):
+        (link := tmp_path / f"link{k}").symlink_to(target)
+        (found,) = outputs(system, state__file=str(link))
+        assert (found.level, f"{link}: is a link" in found.message) == ("problem", True)
     notes.write_bytes(b"")  # what a power cut may leave is set aside by `fltea run`
     assert outputs(system, state__file=str(notes)) == []

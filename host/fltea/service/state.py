@@ -208,6 +208,10 @@ def _is_cut(data: bytes, error: Exception) -> bool:
 
 def _check_writable(path: Path) -> None:
     folder = path.parent
+    if (
+        path.is_symlink()
+    ):  # each saving would replace the link by a file, and leave the link's target as it is
+        raise UsageError(f"--state {path}: is a link, and has to be a file. Name the file to which it leads.")
     if not folder.is_dir():
         raise UsageError(f"--state {path}: there is no folder {folder}.")
     if (path.exists() and not path.is_file()) or not os.access(folder, os.W_OK):

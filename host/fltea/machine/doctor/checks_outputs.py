@@ -33,7 +33,7 @@ def check_outputs(configs: Sequence[Config], system: System) -> Iterator[Finding
 
 def _snapshot(file: Path) -> Iterator[Finding]:
     folder = file.parent
-    if file.is_dir():
+    if file.is_dir() and not file.is_symlink():
         yield problem("state", f"{file} is a folder.", "give the name of a file.")
     elif not folder.exists():
         yield problem("state", f"there is no folder {folder}.", f"mkdir -p {folder}")
