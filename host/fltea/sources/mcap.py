@@ -29,10 +29,16 @@ from fltea.records.events import Event, Failed, Ints, Opened, RawBlock, Reads, T
 from fltea.records.records import Hello
 from fltea.records.stats import LinkStats
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
-from fltea.sources.wire_events import WireEvents
+from fltea.sources.wire_events import Hints, WireEvents
 from fltea.wire.sensors import NO_SENSOR
 
 SUFFIX = ".mcap"
+
+HINTS = Hints(
+    "The device was silent then, or the program that recorded it stood still.",
+    "The baud rate was wrong, or the device did not run the firmware of fltea.",
+    "holds nothing for",
+)
 
 PART_OF_NAME = re.compile(r"(.+)_\d{3,}(\.recovered)?\.mcap")
 
@@ -214,7 +220,7 @@ class McapRecording:
         self.losses = Losses()
         self.changes = Changes()
         self._name = name
-        self._wire = WireEvents(name)
+        self._wire = WireEvents(name, HINTS)
         self._wire.unix_offset_ns = parts[0].info.offset_ns
         self._now_ns = 0
         self._continuity = Continuity(parts[0].info)

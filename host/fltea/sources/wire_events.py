@@ -52,10 +52,12 @@ class Hints(NamedTuple):
     """Advice for the user.
 
     `silent`: advice if a device sends nothing. `unreadable`: advice if nothing that it sends can be read.
+    `nothing`: says of the source that nothing came for a while, which the text after it names.
     """
 
     silent: str
     unreadable: str
+    nothing: str = "is open but has said nothing for"
 
 
 OF_A_PORT = Hints(
@@ -228,7 +230,7 @@ class WireEvents:
     def _explain(self, kind: str, unread_bytes: int) -> tuple[str, str]:
         """Return kind and text of the trouble that the bytes of the last few seconds show."""
         if kind == "silent":
-            text = f"{self.url} is open but has said nothing for {SILENCE_S:g} s. {self._hints.silent}"
+            text = f"{self.url} {self._hints.nothing} {SILENCE_S:g} s. {self._hints.silent}"
             return "silent", text
         if kind == "no_valid_frame":
             said = f"{unread_bytes} bytes in {SILENCE_S:g} s, and no valid frame among them."
