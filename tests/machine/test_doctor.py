@@ -346,6 +346,8 @@ def test_files_that_outputs_need(system: FakeSystem, tmp_path: Path, taken: int)
     login.chmod(0o644)
     found, _ = outputs(system, dashboard__address=0, dashboard__password_file=str(login))
     assert "everybody on this machine may read it" in found.message
+    found, _ = outputs(system, dashboard__address=0, dashboard__password_file=str(tmp_path))
+    assert found.message == f"dashboard.password_file {tmp_path}: is a folder, and has to be a file."
     login.chmod(0o600)
     (found,) = outputs(system, dashboard__address=0, dashboard__password_file=str(login))
     assert found.level == "ok"

@@ -33,6 +33,8 @@ def read_small(path: Path, *, what: str = "", most_bytes: int = MOST_BYTES, priv
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
             about = os.fstat(descriptor)
+            if stat.S_ISDIR(about.st_mode):
+                raise UsageError(f"{name}: is a folder, and has to be a file.")
             if private and about.st_mode & stat.S_IRWXO:
                 raise UsageError(f"{name}: everybody on this machine may read it. Do: chmod o= {path}")
             if not stat.S_ISREG(about.st_mode):
