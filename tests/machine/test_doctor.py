@@ -117,9 +117,31 @@ def test_one_port_by_two_names(system: FakeSystem, sources: tuple[str, str]) -> 
     assert finding_of(list(examine(configs, system, 0.0)), "settings").level == "problem"
 
 
-@pytest.mark.parametrize("sources", [pair for one in CONTRACTS.values() for pair in one.apart])
-def test_what_two_sources_may_share(sources: tuple[str, str]) -> None:
-    check_settings(load_configs(None, {}, sources))
+@pytest.mark.parametrize(
+    "sources",
+    [
+        ("mqtt://localhost:1893", "MQTT://localhost:1893"),
+        ("mqtt://Pi", "mqtt://pi:1883"),
+        ("mqtt://localhost", "mqtt://127.0.0.1"),
+        ("nats://a,nats://b", "nats://B:4222"),
+    ],
+)
+def test_one_broker_by_two_names(sources: tuple[str, str]) -> None:
+    with pytest.raises(UsageError, match="everything would come twice"):
+        check_settings(load_configs(None, {}, sources))
+
+
+def test_what_two_sources_may_share() -> None:
+    for sources in (
+        ("synthetic:", "synthetic:"),
+        ("replay:rest.npz", "replay:rest.npz"),
+        ("socket://pi:1", "socket://pi:1"),
+        ("i2c:///dev/i2c-1", "i2c:///dev/i2c-1?addr=0x69"),
+        ("serial:/dev/ttyACM0", "serial:/dev/ttyACM1"),
+        ("mqtt://pi", "mqtt://pi:1884"),
+        ("nats://pi", "mqtt://pi"),
+    ):
+        check_settings(load_configs(None, {}, sources))
 
 
 def test_packages_have_to_be_there_only_if_asked_for(system: FakeSystem) -> None:
