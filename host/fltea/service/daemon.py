@@ -131,7 +131,7 @@ class _Run:
         saving = [] if state is None else [_begun(state.close, "state", kept=True)]
         ending.wait([*saving, *self._hub.close()])
         ending.wait(self._hub.close_log())
-        return self._outcome(sources, ending.lost), not ending.left
+        return self._outcome(sources, ending.lost, state), not ending.left
 
     def _single(self) -> list[Config]:
         """Return the configurations of sources that are one device each, not a broker with many devices."""
@@ -177,7 +177,9 @@ class _Run:
         threads += [threading.Thread(target=one.run, name=f"ingest {one.name}") for one in self._ingests]
         return port_loop, threads
 
-    def _outcome(self, sources: Sequence[Source], lost: Sequence[str]) -> FlteaError | None:
+    def _outcome(
+        self, sources: Sequence[Source], lost: Sequence[str], state: StateFile | None
+    ) -> FlteaError | None:
         """Return the first failure of the run.
 
         If there was no failure, but some data were not written or not read, return an error that says so.
@@ -190,6 +192,8 @@ class _Run:
                 "not all data were written, since these did not end within the time limit: "
                 f"{', '.join(lost)}."
             )
+        if state is not None and state.has_failed:
+            return FlteaError("the newest snapshots could not be written: see the error state_failed.")
         unread = [why for one in sources if isinstance(one, ReplaySource) for why in one.unread]
         return Incomplete(unread) if unread else None
 

@@ -125,10 +125,16 @@ class StateFile:
             self._devices[name] = state
             self._changed = True
 
+    @property
+    def has_failed(self) -> bool:
+        """Whether the last attempt to write the file has failed."""
+        return self._failed
+
     def close(self) -> None:
         """Write snapshots that are not written yet, and end the thread."""
         self._stop.set()
         self._thread.join()
+        self._changed |= self._failed
         self._write()
         os.close(self._held)
 
