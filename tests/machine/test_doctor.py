@@ -352,6 +352,8 @@ def test_ports_of_the_page_and_of_the_metrics(system: FakeSystem, taken: int) ->
     assert levels(outputs(system, metrics__address="192.0.2.1:80")) == {"metrics": "problem"}
     same = outputs(system, metrics__address=unused, dashboard__address=unused)
     assert any("the live page has the port" in one.message and one.level == "problem" for one in same)
+    same = outputs(system, metrics__address=f"0.0.0.0:{unused}", dashboard__address=unused)
+    assert any("the live page has the port" in one.message for one in same)
 
 
 def test_files_that_outputs_need(system: FakeSystem, tmp_path: Path, taken: int) -> None:

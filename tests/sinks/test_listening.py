@@ -15,6 +15,8 @@ from fltea.sinks.listening import cannot_listen, is_from_here, is_own, own_names
 from fltea.sinks.metrics.sink import MetricsSink
 from fltea.sinks.page.sink import DashboardSink
 
+from tests.rig.host_support import fltea_here
+
 MACHINE = ["127.0.0.1", "localhost", "LOCALHOST:9100", "[::1]:9100", "192.168.1.7:9100", socket.gethostname()]
 OTHERS = ["evil.example", "evil.example:9100", "localhost.evil.example", "127.0.0.1.evil.example", "1.2.3"]
 
@@ -95,3 +97,14 @@ def test_what_hinders_is_told_with_what_to_do(error: OSError, code: int, words: 
     with pytest.raises(FlteaError, match=f"^--listen: .*{words}") as told:
         raise cannot_listen("--listen", "pi", 80, error)
     assert told.value.exit_code == code
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_the_page_and_the_metrics_at_one_port_are_refused_by_name(host: str) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    outputs = ("--dashboard", str(port), "--metrics", f"{host}:{port}")
+    done = fltea_here("run", "-s", "synthetic:?n=100", "--once", "--format", "none", *outputs)
+    assert done.returncode == 2
+    assert f"--metrics: the live page has the port {port}, too. Give another port." in done.stderr

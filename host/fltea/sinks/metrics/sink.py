@@ -15,6 +15,7 @@ from fltea.diagnostics.asked import AskedOutput
 from fltea.diagnostics.finding import Finding, problem
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
+from fltea.records.errors import UsageError
 from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Departed, Item, OutputView, Report, Sink
 from fltea.records.records import (
@@ -28,10 +29,14 @@ from fltea.records.records import (
     Motion,
     Stats,
 )
+from fltea.settings.config import Config
 from fltea.settings.outputs import MetricsConfig, listen_address
 from fltea.sinks.listening import cannot_listen, is_own, own_names, url_of
 from fltea.sinks.metrics.families import Families, Newest
 from fltea.sinks.opening import Opening
+
+EVERYWHERE = {"0.0.0.0", "::"}
+"""Hosts that stand for all addresses of this machine."""
 
 POLL_S = 0.1
 NOT_OURS = (
@@ -191,16 +196,30 @@ def listen(host: str, port: int, handler: type[BaseHTTPRequestHandler]) -> Threa
 
 
 def open_output(opening: Opening) -> MetricsSink:
-    """Open the server for Prometheus."""
+    """Open the server for Prometheus.
+
+    Raises:
+        UsageError: the live page has the same port.
+    """
+    if why := _same_as_page(opening.program):
+        raise UsageError(f"--metrics: {why} Give another port.")
     return MetricsSink(opening.program.metrics, opening.sink_queues, opening.report)
 
 
 def check_output(asked: AskedOutput) -> Iterator[Finding]:
     """Yield whether the server of the metrics may listen at its address, which must not be the page's."""
-    address, page = asked.program.metrics.listen(), asked.program.dashboard
-    if page.address is not None and address[1] and address == page.listen():
-        yield problem("metrics", f"the live page has the port {address[1]}, too.", "give another port.")
-    yield may_listen("metrics", address, _try_to_listen, asked.system)
+    if why := _same_as_page(asked.program):
+        yield problem("metrics", why, "give another port.")
+    yield may_listen("metrics", asked.program.metrics.listen(), _try_to_listen, asked.system)
+
+
+def _same_as_page(program: Config) -> str:
+    """Return a sentence that says that the live page has the port of the metrics; empty if it has not."""
+    if program.dashboard.address is None:
+        return ""
+    (host, port), (page_host, page_port) = program.metrics.listen(), program.dashboard.listen()
+    is_same = port and port == page_port and (host == page_host or {host, page_host} & EVERYWHERE)
+    return f"the live page has the port {port}, too." if is_same else ""
 
 
 def _try_to_listen(host: str, port: int) -> None:
