@@ -343,7 +343,7 @@ def test_ports_of_the_page_and_of_the_metrics(system: FakeSystem, taken: int) ->
     system.process(us, "/opt/fltea/bin/fltea", "doctor")  # the doctor itself holds no port
     assert levels(outputs(system, metrics__address=taken)) == {"metrics": "problem"}
     system.process(us + 1, "/opt/fltea/bin/fltea", "run")
-    assert levels(outputs(system, metrics__address=taken)) == {"metrics": "ok"}
+    assert levels(outputs(system, metrics__address=taken)) == {"metrics": "warning"}
     local = f"0100007F:{taken:04X} 00000000:0000 0A 00000000:00000000 00:00000000 00000000 0 0 4711 1"
     system.put("/proc/net/tcp", f"  sl  local_address\n   0: {local}\n")
     system.process(us + 2, "/usr/bin/nc", opened="socket:[4711]")

@@ -165,7 +165,7 @@ def test_a_port_that_is_closed_to_the_user_is_not_opened(system: FakeSystem) -> 
 @pytest.mark.parametrize(
     ("command", "level", "says"),
     [
-        (("/opt/fltea/bin/python", "/opt/fltea/bin/fltea", "run"), "ok", "that program's records"),
+        (("/opt/fltea/bin/python", "/opt/fltea/bin/fltea", "run"), "warning", "that program's records"),
         (("/usr/bin/minicom",), "problem", "in use by minicom (pid 31)"),
     ],
 )

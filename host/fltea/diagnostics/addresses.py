@@ -8,13 +8,16 @@ import socket
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from fltea.diagnostics.finding import Finding, ok, problem
+from fltea.diagnostics.finding import Finding, ok, problem, warning
 from fltea.records.errors import FlteaError
 
 if TYPE_CHECKING:
     from fltea.diagnostics.host_system import System
 
 CONNECT_S = 3.0
+
+REMEDY = "a second fltea run is refused there: end the first one, or give another port."
+"""What to do if another `fltea run` listens at an address."""
 
 
 def answers(check: str, server: str, host: str, port: int) -> Finding:
@@ -56,9 +59,9 @@ def _taken(check: str, where: str, port: int, system: "System") -> Finding:
     holders = system.listeners(port)
     names = ", ".join(map(str, holders))
     if holders and all("fltea" in holder.program for holder in holders):
-        return ok(check, f"{where} is taken by {names}, which is running")
+        return warning(check, f"{where} is taken by {names}, which is running.", REMEDY)
     if not holders and system.is_running("fltea"):
-        return ok(check, f"{where} is taken, probably by the fltea that is running")
+        return warning(check, f"{where} is taken, probably by the fltea that is running.", REMEDY)
     if holders:
         return problem(check, f"{where} is taken by {names}.", "end that program, or give another port.")
     remedy = f"ss -ltnp 'sport = :{port}' names that program."

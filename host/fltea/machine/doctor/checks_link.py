@@ -116,9 +116,10 @@ def _port_at(system: System, ports: list[Port], path: str) -> Port | Finding:
 def _in_use(port: Port) -> Finding:
     holders = ", ".join(map(str, port.holders))
     if all("fltea" in holder.program for holder in port.holders):
-        return ok(
+        return warning(
             "in use",
-            f"{port.device} is in use by {holders}, so it is not opened here; see that program's records",
+            f"{port.device} is in use by {holders}, so it is not opened here; see that program's records.",
+            "a second fltea run cannot open it: end the first one, or name another port.",
         )
     pids = " ".join(str(holder.pid) for holder in port.holders)
     return problem(
