@@ -131,17 +131,16 @@ def test_one_broker_by_two_names(sources: tuple[str, str]) -> None:
         check_settings(load_configs(None, {}, sources))
 
 
-def test_what_two_sources_may_share() -> None:
-    for sources in (
-        ("synthetic:", "synthetic:"),
-        ("replay:rest.npz", "replay:rest.npz"),
-        ("socket://pi:1", "socket://pi:1"),
-        ("i2c:///dev/i2c-1", "i2c:///dev/i2c-1?addr=0x69"),
-        ("serial:/dev/ttyACM0", "serial:/dev/ttyACM1"),
+@pytest.mark.parametrize(
+    "sources",
+    [
+        *(pair for one in CONTRACTS.values() for pair in one.apart),
         ("mqtt://pi", "mqtt://pi:1884"),
         ("nats://pi", "mqtt://pi"),
-    ):
-        check_settings(load_configs(None, {}, sources))
+    ],
+)
+def test_what_two_sources_may_share(sources: tuple[str, str]) -> None:
+    check_settings(load_configs(None, {}, sources))
 
 
 def test_packages_have_to_be_there_only_if_asked_for(system: FakeSystem) -> None:
