@@ -10,21 +10,21 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from fltea.recording.column_names import accel_axis_of, axis_of, is_time, unit_in
-from fltea.recording.columns import Chosen
+from fltea.recording.other_facts import contradict, may_say_otherwise, names_say_otherwise, ranges_in, said
 from fltea.recording.raw_lines import shown
 from fltea.recording.row_layout import Layout
 from fltea.recording.text_fields import COMMENTS, is_comment, separator_of, split, units_in, words_with_units
-from fltea.recording.text_head import stated_in
 from fltea.recording.text_numbers import decoded
-from fltea.recording.units import is_unit, parse_units, rate_unit, time_scale
+from fltea.recording.units import is_unit
 from fltea.recording.wanted import is_missing, is_number
 
 _OF_WORDS = re.compile(
-    rb'\n[ \t]*(?:["#%/A-Za-z_](?:[^\n,;\t ]|[,;\t ](?![-+.]?\d))*(?=\n|\Z)'
+    rb"\n[ \t]*(?:(?:[-=*+~;!<>\[(]+[ \t]*)?"
+    rb'["#%/A-Za-z_\x80-\xff](?:[^\n,;\t ]|[,;\t ](?![-+.]?\d))*(?=\n|\Z)'
     rb"|(?:[#%]|//|[A-Za-z][^\n,;\t\d:=]{1,60}[:=])[^\n]*)"
 )
-"""Matches a line that begins with a word and has no field that begins with a number, a comment, or a line
-that begins with words and a colon.
+"""Matches a line that begins with a word, perhaps after signs as in `[accel]`, and has no field that begins
+with a number; a comment; or a line that begins with words and a colon.
 """
 
 _OF_NUMBERS = b'0123456789+-.,;eE" \t\r\n'
@@ -39,25 +39,42 @@ def _title(of: str) -> re.Pattern[str]:
     """Compile a pattern for a line that says of which sensor the rows below it are."""
     before, behind = r"raw|calibrated|sensor|data|block|the", r"data|readings?|samples?|sensor|values"
     return re.compile(
-        rf"\W*(?:(?:{before})\W+)*(?:{of})(?:\W+(?:{behind}))?(?:\s*[\[(][^\[\]]*[\])])?\W*", re.I
+        rf"\W*(?:(?:{before})\W+)*(?:{of})(?:\W+(?:{behind}))?"
+        r"(?:\s*[\[(][^\[\]]*[\])]|\W+in\W+(?P<unit>\S{1,20}?))?\W*",
+        re.I,
     )
 
 
-_OF_GYRO = _title(r"gyro(?:scope)?s?|angular\W?(?:velocity|rate)|rotation\W?rate")
+_OF_GYRO = _title(
+    r"gyro(?:scope|skop)?s?|angular\W?(?:velocity|rate)|rotation\W?rate"
+    r"|drehraten?|winkelgeschwindigkeit(?:en)?|gir[oó]scopo"
+)
 _OF_OTHER = _title(
     r"(?:linear\W?)?acc(?:el(?:eration|erometer)?)?s?|mag(?:netometer|netic\W?field)?s?|gravity|orientation"
+    r"|beschleunigung(?:en|ssensor)?|magnetfeld|acc[eé]l[eé]r(?:ation|om[eè]tre)|aceler(?:[oó]metro|aci[oó]n)"
 )
 
 MOST_CHECKS, MOST_KNOWN = 200, 1000
 """At most MOST_CHECKS different lines in a block are examined, and at most MOST_KNOWN are remembered."""
 
-_Kind = Literal["names", "gyroscope", "other names", "other title", "facts", "other facts", ""]
-"""Kind of a line: names of columns as above the first row; names or a title of the gyroscope or of others;
-the unit or the rate as known before, or another one.
+_Kind = Literal[
+    "names",
+    "gyroscope",
+    "gyroscope, facts",
+    "other names",
+    "other title",
+    "facts",
+    "other facts",
+    "unclear",
+    "",
+]
+"""Kind of a line: names of columns as above the first row; names or a title of the gyroscope or of others; a
+title with the unit that is read; the unit or the rate as known before, or another one; a comment that has
+another unit and words that no rule understands.
 """
 
-SAME_RATE, SAME_SCALE = 0.1, 0.02
-"""Rates, and scales, count as equal if their relative difference is at most this."""
+MOST_UNCLEAR = 3
+"""At most this many comments of kind "unclear" are noted."""
 
 
 class LeftOut(NamedTuple):
@@ -82,15 +99,19 @@ class OtherColumns:
         self._layout: Layout | None = None
         self._below, self._is_titled, self._has_facts, self._checks = "", False, False, 0
         self._ends: list[int] = []
+        self._ranges_dps: list[float] = []
+        self._title_at = 0
+        self._unclear: list[tuple[int, str]] = []
 
     def begin(self, layout: Layout, above: Sequence[str]) -> None:
         """Use the lines above the first row: they may hold a title of other rows.
 
         The title counts if nothing but the user's option says which columns are the gyroscope's.
         """
+        self._ranges_dps = [range_dps for line in above for range_dps in ranges_in(line)]
         is_given = any(one.question == "columns" and one.evidence == "given" for one in layout.chosen.answers)
-        titles = [line for line in above if _OF_GYRO.fullmatch(line) or _OF_OTHER.fullmatch(line)]
-        if is_given and titles and _OF_OTHER.fullmatch(titles[-1]):
+        titles = [line for line in above if _is(_OF_GYRO, line) or _is(_OF_OTHER, line)]
+        if is_given and titles and not any(_is(_OF_GYRO, line) for line in titles):
             self._below, self._is_titled = shown(titles[-1].strip()), True
 
     def ended(self, line: int) -> list[int]:
@@ -98,6 +119,10 @@ class OtherColumns:
         found = [end for end in self._ends if end <= line]
         del self._ends[: len(found)]
         return found
+
+    def unclear(self) -> list[tuple[int, str]]:
+        """Return the comments of which no rule tells what they say of the rows below, with their lines."""
+        return self._unclear
 
     def only(self, layout: Layout, data: bytes, first: int) -> tuple[bytes, list[LeftOut]]:
         """Return whole lines, in which those that are left out are empty, so that line numbers stay the same.
@@ -116,7 +141,7 @@ class OtherColumns:
         for k in [*words, len(lines)]:
             before = self._below
             if k < len(lines):
-                self._pass(layout, decoded(lines[k]).strip())
+                self._pass(layout, decoded(lines[k]).strip(), first + k)
             if before and (not self._below or k == len(lines)):
                 rows = sum(1 for line in lines[begin:k] if line.strip())
                 why = f"the rows below {before} are not of the columns, the unit or the rate that are read."
@@ -128,15 +153,27 @@ class OtherColumns:
                 begin = k
         return b"\n".join(lines), left_out
 
-    def _pass(self, layout: Layout, text: str) -> None:
-        """Decide whether the rows below a line are left out."""
+    def _pass(self, layout: Layout, text: str, line: int) -> None:
+        """Decide whether the rows below a line are left out.
+
+        A title of another sensor directly below one of the gyroscope begins no rows: both tell the units.
+        """
         kind = self._kind(layout, text)
-        if kind.startswith("other"):
+        if kind.startswith("gyroscope") and _is(_OF_GYRO, text):
+            self._title_at = line
+        if kind == "other title" and line == self._title_at + 1 and line > 1:
+            return
+        if kind == "unclear":
+            is_new = not self._below and text not in (one for _, one in self._unclear)
+            self._unclear += [(line, text)] if is_new and len(self._unclear) < MOST_UNCLEAR else []
+        elif kind.startswith("other"):
             self._below = self._below or shown(text)
             self._is_titled |= kind == "other title"
             self._has_facts |= kind == "other facts"
         elif kind == "facts":
             self._has_facts = False
+        elif kind == "gyroscope, facts":
+            self._below, self._is_titled, self._has_facts = "", False, False
         elif (kind == "gyroscope" or (kind == "names" and not self._is_titled)) and not self._has_facts:
             self._below, self._is_titled = "", False
 
@@ -150,62 +187,35 @@ class OtherColumns:
         return found
 
     def _examined(self, layout: Layout, text: str) -> _Kind:
-        if _OF_GYRO.fullmatch(text):
-            return "gyroscope"
-        if _OF_OTHER.fullmatch(text):
+        chosen, is_sure = layout.chosen, not layout.chosen.rate.overrule
+        facts = said(text, chosen, self._ranges_dps) if is_sure else []
+        if _is(_OF_GYRO, text):
+            return "gyroscope" if not facts else "gyroscope, facts" if all(facts) else "other facts"
+        if _is(_OF_OTHER, text):
             return "other title"
         names = _names_in(text, layout.separator)
-        if text in layout.again[:1] or names == layout.chosen.names or self._is_header(text):
-            return "gyroscope" if any(map(axis_of, names)) else "names"
-        if _are_of_gyro(names, layout.chosen, layout.usual):
-            return "gyroscope"
-        is_loose = layout.separator is None or is_comment(text)
-        if _are_others(names, layout.chosen.names, layout.usual, is_loose=is_loose):
+        is_of_gyro = any(map(axis_of, names))
+        is_again = text in layout.again[:1] or names == chosen.names
+        units = None if is_again or is_of_gyro else units_in(text)
+        if is_sure and units is not None and len(units) == len(chosen.names):
+            above = layout.again[1].split(",") if layout.again else ()
+            return "other names" if contradict(units, chosen, above) else ""
+        if not is_again and is_comment(text) and names_say_otherwise(text, chosen):
             return "other names"
-        if layout.chosen.rate.overrule:
-            return ""
-        if (units := units_in(text)) is not None and len(units) == len(layout.chosen.names):
-            return "" if _are_same_units(units, layout.chosen) else "other names"
-        said = _said(text, layout.chosen)
-        return "" if not said else "facts" if all(said) else "other facts"
+        if is_again or self._is_header(text):
+            return "gyroscope" if is_of_gyro else "names"
+        is_loose = layout.separator is None or is_comment(text)
+        if _are_others(names, chosen.names, layout.usual, is_loose=is_loose):
+            return "other names"
+        if not facts:
+            return "unclear" if is_sure and may_say_otherwise(text, chosen) else ""
+        return "facts" if all(facts) else "other facts"
 
 
-def _are_of_gyro(found: Sequence[str], chosen: Chosen, width: int) -> bool:
-    """Return whether a line names columns that had no names so far, and agrees with what is read from them.
-
-    A board that starts again, for instance, prints its header to a program that began to read below it.
-    `width`: number of the columns.
-    """
-    if len(found) != width or not all(name.isdecimal() for name in chosen.names):
-        return False
-    axes = tuple(axis_of(found[place]) for place in chosen.gyro)
-    return axes == chosen.axes and _are_same_units([unit_in(name) for name in found], chosen)
-
-
-def _are_same_units(units: Sequence[str], chosen: Chosen) -> bool:
-    """Return whether no unit in a row of units contradicts those that are read."""
-    clock = None if chosen.time is None or chosen.clock.unit is None else time_scale(units[chosen.time])
-    are_rates = all(_same_unit(units[place], chosen.unit.name) is not False for place in chosen.gyro)
-    return are_rates and clock in (None, (chosen.clock.unit, chosen.clock.factor))
-
-
-def _said(text: str, chosen: Chosen) -> list[bool]:
-    """Return, for each unit and rate that a line states in words, whether it is that which is read."""
-    rates, units = stated_in(text)
-    found = [_same_unit(unit, chosen.unit.name) for unit in units.values()]
-    if chosen.time is None and chosen.rate.hz is not None:
-        found += [abs(rate_hz / chosen.rate.hz - 1) <= SAME_RATE for rate_hz in rates.values()]
-    return [one for one in found if one is not None]
-
-
-def _same_unit(said: str, name: str) -> bool | None:
-    """Return whether two units are the same; None if they cannot be compared."""
-    if rate_unit(said) is None and not said.startswith("lsb:"):
-        return None
-    (factor, lsb), (known, counts) = parse_units(said), parse_units(name)
-    if (lsb is None) != (counts is None):
-        return None
-    return abs(factor / (lsb or 1.0) / (known / (counts or 1.0)) - 1) <= SAME_SCALE
+def _is(title: re.Pattern[str], text: str) -> bool:
+    """Return whether a line is a title, with a unit after "in" or without."""
+    found = title.fullmatch(text)
+    return found is not None and (found["unit"] is None or is_unit(found["unit"]))
 
 
 def without_others(lines: Sequence[str], names: Sequence[str] | None, width: int) -> Sequence[str]:
@@ -216,10 +226,10 @@ def without_others(lines: Sequence[str], names: Sequence[str] | None, width: int
     kept, is_other, is_titled, was_row = list[str](), False, False, False
     for line in lines:
         text = line.strip()
-        if text[:1] in _NO_WORD:
+        if _is(_OF_GYRO, text) or _is(_OF_OTHER, text):
+            is_other = is_titled = not _is(_OF_GYRO, text)
+        elif text[:1] in _NO_WORD:
             was_row |= bool(text)
-        elif _OF_GYRO.fullmatch(text) or _OF_OTHER.fullmatch(text):
-            is_other = is_titled = _OF_GYRO.fullmatch(text) is None
         elif was_row and not text.startswith("{"):
             separator = separator_of(line)
             found, is_loose = _names_in(text, separator), separator is None or is_comment(line)

@@ -79,6 +79,7 @@ instead of a sampling rate.
 
 _OF_UNITS = {"unit", "units", "rates", "values", "measured", "are"}
 _LABEL = re.compile(r"(?:(.*?)([:=(\[]|\bin\b))?(.*)")
+_BEFORE_UNIT = re.compile(r"^\s*(?:now|units?)\s+", re.I)
 _SCALE = re.compile(
     rf"({UNSIGNED})[ ]*(?:(?:LSBs?|counts?|digits?)[ ]*(?:/|per)[ ]*(?P<of>.+)"
     r"|(?P<unit>[^\d\s]+?)[ ]*(?:/|per)[ ]*(?:LSB|count|digit))\W*$",
@@ -146,7 +147,11 @@ def _units(text: str) -> Iterator[tuple[bool, str]]:
         unit = rate_unit((found["of"] or found["unit"]).strip(" ()"))
         words = {word.lower() for word in _WORD.findall(text[: found.start()])}
         number = float(found[1])
-        if unit is not None and number > 0 and words & (_GYRO | {"scale", "sensitivity", "resolution"}):
+        if (
+            unit is not None
+            and number > 0
+            and (not words or words & (_GYRO | {"scale", "sensitivity", "resolution"}))
+        ):
             lsb = number / PER_UNIT[unit] if found["of"] else 1 / (number * PER_UNIT[unit])
             yield bool(words & _GYRO), f"lsb:{lsb:.9g}"
         return
@@ -157,6 +162,7 @@ def _units(text: str) -> Iterator[tuple[bool, str]]:
         words_before, mark, value = found.groups()
         if mark:
             label = words_before
+        value = value if mark else _BEFORE_UNIT.sub("", value, count=1)
         unit = rate_unit(value.strip(" ()[]"))
         if not mark and not is_unit(value.strip(" ()[]")):
             label = value

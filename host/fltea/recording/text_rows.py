@@ -202,6 +202,10 @@ class TextReader:
         data, left_out = self._headers.others.only(layout, data, self.lines + 1)
         for one in left_out:
             self.bad.add(one.line, "header", one.why, one.rows)
+        for line, comment in self._headers.others.unclear():
+            text = f"{shown(comment)}: the rows below this comment are read as before."
+            note = Note("reading", f"{self._where}:{line}: {text}")
+            self.notes += [note] if note not in self.notes else []
         return data
 
     def _find(self, data: bytes, begin: int) -> int | None:
