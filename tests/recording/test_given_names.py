@@ -88,6 +88,16 @@ def test_a_title_of_three_columns_names_each(header: str, separator: str, tmp_pa
     assert found.whole().gyro.mean(axis=0) == pytest.approx([10, 20, 30], abs=0.5)
 
 
+@pytest.mark.parametrize("order", ["ZYX", "YXZ", "zxy"])
+@pytest.mark.parametrize("separator", [",", ";", "/"])
+def test_a_title_may_have_its_axes_in_any_order(order: str, separator: str, tmp_path: Path) -> None:
+    mark = "/" if separator == "/" else ","
+    header = f"Time (s),Gyro {mark.join(order)} (deg/s)"
+    text = text_of(header.replace(",", separator, 1), separator="," if separator == "/" else separator)
+    mean = stored(tmp_path, text.replace("Time (s)/", "Time (s),")).whole().gyro.mean(axis=0)
+    assert mean.tolist() == pytest.approx([10 * (order.upper().index(axis) + 1) for axis in "XYZ"], abs=0.5)
+
+
 def test_columns_by_position_below_a_title_are_in_its_unit(tmp_path: Path) -> None:
     """The unit stands after the last axis alone, and is that of all three."""
     text = text_of("Time (s),Gyro X,Y,Z (deg/s)")
@@ -97,7 +107,13 @@ def test_columns_by_position_below_a_title_are_in_its_unit(tmp_path: Path) -> No
 
 @pytest.mark.parametrize(
     "names",
-    [["t", "x", "y", "z"], ["gx", "gy", "gz [dps]"], ["Gyro X [dps]", "Y", "Z"], ["x", "y [m]", "z [m]"]],
+    [
+        ["t", "x", "y", "z"],
+        ["gx", "gy", "gz [dps]"],
+        ["Gyro X [dps]", "Y", "Z"],
+        ["x", "y [m]", "z [m]"],
+        ["Gyro X", "X", "Z [dps]"],
+    ],
 )
 def test_other_names_are_no_titles(names: list[str]) -> None:
     assert without_titles(names) == names
