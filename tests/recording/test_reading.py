@@ -236,7 +236,7 @@ def test_a_weaker_unit_of_times_never_beats_a_stronger_one(
 def test_seconds_in_two_columns_have_no_other_unit() -> None:
     names = ["stamp.sec", "stamp.nanosec", "gx_dps"]
     chosen = read(names)
-    assert chosen.clock == (0, "s", 1.0, 1, 1e-9)
+    assert chosen.clock == (0, "s", 1.0, 1, 1e-9, ())
     assert read(names, time_unit="s") == chosen
     assert "is in s by its name or line of units, and --time-unit ms" in refusal(names, time_unit="ms")
 

@@ -109,3 +109,107 @@ def test_a_damaged_fraction_is_left_out(tmp_path: Path) -> None:
     found = stored(tmp_path, text)
     assert found.samples == 599
     assert [note.text for note in found.notes if "with an impossible time in 'sec + msec'" in note.text]
+
+
+def of_day(header: str, begin: str, *, first_s: int = 0, jump_s: int = 60) -> str:
+    """Return a file of 100 Hz with a gap of `jump_s` after 400 of 800 rows.
+
+    `begin`: the columns of the time, for `str.format`. `first_s`: time of day of the first row [s].
+    """
+    rows = []
+    for k in range(800):
+        ms = first_s * 1000 + 10 * k + 1000 * jump_s * (k >= 400)
+        day, s = divmod(ms // 1000, 86_400)
+        time = begin.format(day=14 + day, h=s // 3600, m=s // 60 % 60, s=s % 60, ms=ms % 1000)
+        rows.append(f"{time},{np.sin(k):.5f},{np.cos(k):.5f},{k % 7}\n")
+    return f"{header},{AXES}\n{''.join(rows)}"
+
+
+@pytest.mark.parametrize(
+    ("header", "begin"),
+    [
+        ("h,m,s,ms", "{h},{m},{s},{ms}"),
+        ("hour,minute,second,millisecond", "{h},{m},{s},{ms}"),
+        ("gps_hour,gps_min,gps_sec,gps_ms", "{h},{m},{s},{ms}"),
+        ("min,sec,msec", "{m},{s},{ms}"),
+    ],
+)
+def test_minutes_and_hours_are_read(header: str, begin: str, tmp_path: Path) -> None:
+    """The first row is 50 s after a full hour."""
+    found = stored(tmp_path, of_day(header, begin, first_s=12 * 3600 + 50))
+    seq, epoch = found.whole().seq, found.whole().epoch
+    assert seq is not None
+    assert epoch is not None
+    is_lost = seq[-1] == 799 + 6000
+    assert is_lost or epoch[-1] == 1
+    clock = next(one for one in found.reading if one.question == "clock")
+    assert header.replace(",", " + ") in clock.why
+
+
+def test_columns_that_are_no_minutes_and_hours_are_not_added(tmp_path: Path) -> None:
+    """`m` and `h` may be lengths."""
+    text = of_day("h,m,s,ms", "{h}.5,{m}.25,{s},{ms}", first_s=12 * 3600 + 10, jump_s=0)
+    found = stored(tmp_path, text)
+    assert found.samples == 800
+    clock = next(one for one in found.reading if one.question == "clock")
+    assert "the times of s + ms" in clock.why
+
+
+def test_minutes_and_hours_beside_another_clock_are_compared_as_one(tmp_path: Path) -> None:
+    rows = of_day("hour,minute,second,ms", "{h},{m},{s},{ms}", first_s=50, jump_s=0).splitlines()
+    text = "\n".join([f"{rows[0]},time_us", *(f"{row},{k * 10_000}" for k, row in enumerate(rows[1:]))])
+    assert stored(tmp_path, f"{text}\n").rate_hz == pytest.approx(100)
+    text = text.replace(",10000\n", ",\n")
+    assert stored(tmp_path, f"{text}\n").samples == 800
+
+
+def test_damaged_minutes_are_left_out(tmp_path: Path) -> None:
+    rows = of_day("h,m,s,ms", "{h},{m},{s},{ms}", first_s=50, jump_s=0).splitlines()
+    rows[700] = rows[700].replace("0,0,", "0,77,", 1)
+    found = stored(tmp_path, "\n".join(rows) + "\n")
+    assert found.samples == 799
+
+
+def test_midnight_is_no_gap(tmp_path: Path) -> None:
+    text = of_day("h,m,s,ms", "{h},{m},{s},{ms}", first_s=86_398, jump_s=0)
+    found = stored(tmp_path, text)
+    assert found.whole().seq is not None
+    assert found.whole().seq.tolist() == [*range(800)]  # type: ignore[union-attr]
+    assert found.notes == ()
+
+
+@pytest.mark.parametrize(
+    "form", ["2023-11-{day}", "{day}.11.2023", "Nov {day} 2023", "11/{day}/2023", '"2023-11-{day}"']
+)
+@pytest.mark.parametrize(
+    ("header", "clock"),
+    [
+        ("date,time", "{h:02d}:{m:02d}:{s:02d}.{ms:03d}"),
+        ("date,time,ms", "{h:02d}:{m:02d}:{s:02d},{ms}"),
+    ],
+)
+@pytest.mark.parametrize("first_s", [0, 86_398])
+def test_a_date_in_a_column_before_the_time_is_read(
+    form: str, header: str, clock: str, first_s: int, tmp_path: Path
+) -> None:
+    text = of_day(header, f"{form},{clock}", first_s=first_s, jump_s=86_400)
+    epoch = stored(tmp_path, text).whole().epoch
+    assert epoch is not None
+    assert epoch.tolist() == [0] * 400 + [1] * 400
+    seq = stored(tmp_path, of_day(header, f"{form},{clock}", first_s=first_s, jump_s=0)).whole().seq
+    assert seq is not None
+    assert seq.tolist() == [*range(800)]
+
+
+@pytest.mark.parametrize("mark", ["\t", ";"])
+def test_a_date_in_a_column_is_read_whatever_separates_the_columns(mark: str, tmp_path: Path) -> None:
+    text = of_day("date,time", "{day}.11.2023,{h:02d}:{m:02d}:{s:02d}.{ms:03d}", jump_s=86_400)
+    epoch = stored(tmp_path, text.replace(",", mark)).whole().epoch
+    assert epoch is not None
+    assert epoch.tolist() == [0] * 400 + [1] * 400
+
+
+def test_a_date_that_is_none_does_not_hide_the_time(tmp_path: Path) -> None:
+    """A clock that was never set writes such dates."""
+    text = of_day("date,time", "00-00-2000,{h:02d}:{m:02d}:{s:02d}.{ms:03d}", jump_s=0)
+    assert stored(tmp_path, text).samples == 800

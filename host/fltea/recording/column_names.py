@@ -62,7 +62,8 @@ WitMotion calls a rate AsX.
 """
 
 _TIME = re.compile(rf"{_TIMES}|{_BEFORE}(?:(?:{_OF_CLOCK})_)*(?:{_OF_TIME})(?:_formatted)?(?:_unix)?{_SORT}")
-_SECONDS = re.compile(r"(.*?)_?(?:secs?|seconds|s)")
+_SECONDS = re.compile(r"(.*?)_?(?:secs?|seconds?|s)")
+_LONGER = re.compile(r"(.*?)_?(?:(?P<h>h|hh|hrs?|hours?)|m|mm|mins?|minutes?)")
 _FINE = re.compile(
     r"(.*?)_?(nanosec(?:ond)?s?|nsecs?|nanos|ns|usecs?|microsec(?:ond)?s?|micros|us"
     r"|millisec(?:ond)?s?|msecs?|millis|ms|frac(?:tion(?:al)?)?(?:_?(?:secs?|seconds?))?|sub_?sec(?:ond)?s?)"
@@ -269,6 +270,15 @@ def whole_seconds(name: str) -> str | None:
     if found is not None:
         return found[1]
     return plain if is_time(name) and time_scale_of(name) is None else None
+
+
+def minutes_or_hours(name: str) -> tuple[str, float] | None:
+    """Return the rest of a name that can be that of a column of minutes or of hours, and their unit [s].
+
+    None: the name is another one.
+    """
+    found = _LONGER.fullmatch(_with_unit(name))
+    return None if found is None else (found[1], 3600.0 if found["h"] else 60.0)
 
 
 def is_clock_of_seconds(name: str) -> bool:

@@ -14,6 +14,7 @@ from fltea.recording.evidence import Choice
 from fltea.recording.files import Note
 from fltea.recording.reading import Answer
 from fltea.recording.sample_times import ClockColumns, TimeColumn
+from fltea.recording.split_times import MOST_OF
 from fltea.recording.wanted import Wanted, wanted_of
 from fltea.recording.which_accelerometer import choose_accelerometer
 from fltea.recording.which_sensor import choose_sensor
@@ -24,7 +25,9 @@ from fltea.settings.how import How
 NOTHING = Facts()
 
 IMPOSSIBLE = 1e300
-"""Time of a row whose fraction of a second is none, since it is negative or more than a second."""
+"""Time of a row whose fraction of a second is none, since it is negative or more than a second, or whose
+minutes or hours are none.
+"""
 
 
 class StatedRate(NamedTuple):
@@ -74,12 +77,13 @@ class Chosen:
 
     def without_times(self) -> "Chosen":
         """Return the choice without the columns of times."""
-        return replace(self, clock=self.clock._replace(time=None, fine=None))
+        return replace(self, clock=self.clock._replace(time=None, fine=None, coarse=()))
 
     @cached_property
     def time_name(self) -> str:
-        """Name of the column of times, "" if there is none; names of both columns if two say the time."""
-        return " + ".join(self.names[k] for k in self.clock[::3] if k is not None)
+        """Name of the column of times, "" if there is none; names of all if several say the time."""
+        places = (*reversed([place for place, _ in self.clock.coarse]), self.time, self.clock.fine)
+        return " + ".join(self.names[k] for k in places if k is not None)
 
     @cached_property
     def times(self) -> TimeColumn:
@@ -90,7 +94,10 @@ class Chosen:
     @cached_property
     def needed(self) -> tuple[int, ...]:
         """Columns in which every sample must have a number: the axes, then the times."""
-        return tuple(place for place in (*self.gyro, self.time, self.clock.fine) if place is not None)
+        coarse = (place for place, _ in self.clock.coarse)
+        return tuple(
+            place for place in (*self.gyro, self.time, self.clock.fine, *coarse) if place is not None
+        )
 
     @cached_property
     def time_at(self) -> int | None:
@@ -112,6 +119,10 @@ class Chosen:
             if clock.fine is not None:
                 fine_s = values[:, axes + 1] * clock.fine_s
                 values[:, axes] += np.where((fine_s < 0) | (fine_s > 1), IMPOSSIBLE, fine_s)
+            for k, (_, unit_s) in enumerate(clock.coarse, len(self.needed) - len(clock.coarse)):
+                number = values[:, k]
+                is_one = (number >= 0) & (number < MOST_OF[unit_s]) & (number == np.rint(number))
+                values[:, axes] += np.where(is_one, number * unit_s, IMPOSSIBLE)
             if self.accel:
                 values[:, len(self.needed) :] *= self.accel_ms2
         return values

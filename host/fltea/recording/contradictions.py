@@ -60,17 +60,19 @@ def check_clock(choice: Choice, clock: ClockColumns) -> None:
             choice.notes.append(Note("reading", f"{choice.where}: {text}"))
     if how.time_column is None and not how.overrule:
         unit_s = None if clock.unit is None else SECONDS[clock.unit] * clock.factor
-        _compare_clocks(choice, clock.time, unit_s, clock.fine, clock.fine_s)
+        _compare_clocks(choice, clock.time, unit_s, clock)
 
 
-def _compare_clocks(choice: Choice, time: int, unit_s: float | None, fine: int | None, fine_s: float) -> None:
+def _compare_clocks(choice: Choice, time: int, unit_s: float | None, clock: ClockColumns) -> None:
     values, names = choice.first_rows(), choice.names
     if values is None:
         return
-    times = values[:, time] if fine is None else values[:, time] + values[:, fine] * fine_s
+    parts = [*clock.coarse, *([] if clock.fine is None else [(clock.fine, clock.fine_s)])]
+    times = values[:, time] + sum(values[:, place] * of_s for place, of_s in parts)
+    read = {time, *(place for place, _ in parts)}
     none = choice.dialect.no_time if choice.dialect is not None else ()
     for place, name in enumerate(names):
-        if place in (time, fine) or not is_time(name) or any(re.fullmatch(pattern, name) for pattern in none):
+        if place in read or not is_time(name) or any(re.fullmatch(pattern, name) for pattern in none):
             continue
         found = _runs_as(values[:, place], times)
         if found is None:

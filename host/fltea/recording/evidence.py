@@ -201,9 +201,9 @@ class Choice:
         given, factor = self.how.time_unit, 1.0
         if place is None:
             return ClockColumns(unit=given)
-        for whole, fine, fine_s in self.split.found if given in (None, "s") else ():
+        for whole, fine, fine_s, coarse in self.split.found if given in (None, "s") else ():
             if place in (whole, fine):
-                return ClockColumns(whole, "s", 1.0, fine, fine_s)
+                return ClockColumns(whole, "s", 1.0, fine, fine_s, coarse)
         if by_dialect and self.dialect is not None and given in (None, "s"):
             for two in map(_TWO_FIELDS.fullmatch, self.dialect.time):
                 if two is not None and two[1] == self.names[place]:

@@ -40,7 +40,7 @@ def _title(of: str) -> re.Pattern[str]:
     before, behind = r"raw|calibrated|sensor|data|block|the", r"data|readings?|samples?|sensor|values"
     return re.compile(
         rf"\W*(?:(?:{before})\W+)*(?:{of})(?:\W+(?:{behind}))?"
-        r"(?:\s*[\[(][^\[\]]*[\])]|\W+in\W+(?P<unit>\S{1,20}?))?\W*",
+        r"(?:\s*[\[(][^\[\]]*[\])]|\W{1,3}in\W{1,3}(?P<unit>\S{1,20}?))?\W*",
         re.I,
     )
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from fltea.recording.column_names import axis_of, is_time, time_scale_of, unit_in, without_unit
 from fltea.recording.columns import Chosen
 from fltea.recording.text_fields import COMMENTS, is_comment, split, words_with_units
-from fltea.recording.text_head import stated_in
+from fltea.recording.text_head import LONGEST_LINE, stated_in
 from fltea.recording.units import (
     PER_UNIT,
     accel_unit,
@@ -27,7 +27,8 @@ _COUNTS = ("lsb", "lsbs", "count", "counts", "raw", "adc", "digit", "digits")
 _MAGNETIC = ("ut", "µt", "μt", "nt", "mt", "gauss", "mgauss")
 
 _RANGE = re.compile(
-    r"\b(?:range|full[ _-]?scale|fsr?)\W+(?:(?:is|of)\W+)?(?:\+/-|\+-|±)?\s*(\d+(?:\.\d+)?)\s*([^\s,;)\]]+)",
+    r"\b(?:range|full[ _-]?scale|fsr?)\W{1,5}(?:(?:is|of)\W{1,3})?(?:\+/-|\+-|±)?"
+    r"\s?(\d{1,6}(?:\.\d{1,6})?)\s?([^\s,;)\]]+)",
     re.I,
 )
 _UNIT = re.compile(r"[\[(]([^\[\]()]{1,20})[\])]|\bin\s+(\S{1,20})")
@@ -103,7 +104,7 @@ def said(text: str, chosen: Chosen, ranges_dps: Sequence[float]) -> list[bool]:
 
 def ranges_in(text: str) -> list[float]:
     """Return the full scales of a gyroscope that a line states [deg/s]."""
-    found = ((float(number), rate_unit(unit)) for number, unit in _RANGE.findall(text))
+    found = ((float(number), rate_unit(unit)) for number, unit in _RANGE.findall(text[:LONGEST_LINE]))
     return [number * PER_UNIT[unit] for number, unit in found if unit is not None]
 
 
@@ -112,7 +113,7 @@ def may_say_otherwise(text: str, chosen: Chosen) -> bool:
 
     Here the other words of the comment are not understood, so nothing is known of the rows below it.
     """
-    if not (is_comment(text) or text[:1] in (";", "[", "-", "=", "*")):
+    if len(text) > LONGEST_LINE or not (is_comment(text) or text[:1] in (";", "[", "-", "=", "*")):
         return False
     if chosen.unit.lsb is not None and ranges_in(text):
         return True

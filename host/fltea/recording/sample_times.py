@@ -250,7 +250,8 @@ class ClockColumns(NamedTuple):
 
     `time`: column of times, None if there is none; `unit`: unit of the times, None if unknown; `factor`: the
     numbers in the column are multiplied by this to be in that unit. `fine`: column with fractions that are
-    added to whole seconds; `fine_s`: unit of this column [s].
+    added to whole seconds; `fine_s`: unit of this column [s]. `coarse`: columns of minutes and of hours that
+    are added to them, each with its unit [s].
     """
 
     time: int | None = None
@@ -258,6 +259,7 @@ class ClockColumns(NamedTuple):
     factor: float = 1.0
     fine: int | None = None
     fine_s: float = 0.0
+    coarse: tuple[tuple[int, float], ...] = ()
 
 
 class TimeColumn(NamedTuple):

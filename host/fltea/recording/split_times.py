@@ -1,11 +1,19 @@
-"""Finds two columns that say the time together: one of whole seconds, and one of the fraction of a second."""
+"""Finds columns that say the time together: one of whole seconds, and one of the fraction of a second.
+
+Columns of minutes and hours may stand before the seconds.
+"""
 
 from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from fltea.recording.column_names import fraction_of_seconds, is_clock_of_seconds, whole_seconds
+from fltea.recording.column_names import (
+    fraction_of_seconds,
+    is_clock_of_seconds,
+    minutes_or_hours,
+    whole_seconds,
+)
 from fltea.recording.sample_times import EVEN_SHARE, Floats
 
 LONGEST_STEP_S = 0.5
@@ -15,12 +23,20 @@ to the next is longer than this [s], the unit is wrong.
 """
 
 
+MOST_OF = {60.0: 60, 3600.0: 24}
+"""The number of minutes in an hour, and of hours in a day, by their lengths [s]."""
+
+
 class SplitTime(NamedTuple):
-    """Columns that say the time together: `whole` seconds, and `fine`, whose unit is `fine_s` [s]."""
+    """Columns that say the time together: `whole` seconds, and `fine`, whose unit is `fine_s` [s].
+
+    `coarse`: columns of minutes and of hours, each with its unit [s].
+    """
 
     whole: int
     fine: int
     fine_s: float
+    coarse: tuple[tuple[int, float], ...] = ()
 
 
 class SplitTimes(NamedTuple):
@@ -46,7 +62,7 @@ def split_times(names: Sequence[str], values: Floats | None) -> SplitTimes:
             told == "few" and values is not None and is_clock_of_seconds(names[pair.whole])
         )
         if told == "parts" or (told in ("few", "unsorted") and is_likely):
-            result.found.append(pair)
+            result.found.append(pair._replace(coarse=_coarse(names, pair, values)))
         elif told == "other unit":
             result.doubtful.append(pair)
     return result
@@ -70,6 +86,33 @@ def _named(names: Sequence[str]) -> Iterator[tuple[SplitTime, bool]]:
         for whole in sorted(seconds, key=lambda k: (abs(k - fine), k)):
             if seconds[whole] == base or not base:
                 yield SplitTime(whole, fine, fine_s), seconds[whole] == base
+
+
+def _coarse(names: Sequence[str], pair: SplitTime, values: Floats | None) -> tuple[tuple[int, float], ...]:
+    """Return the columns of minutes and hours that stand before one of seconds, each with its unit [s].
+
+    Their names may mean lengths, so the first rows have to show that they are minutes and hours.
+    """
+    found: list[tuple[int, float]] = []
+    if values is None:
+        return ()
+    base, time = whole_seconds(names[pair.whole]), values[:, pair.whole] + values[:, pair.fine] * pair.fine_s
+    if (time >= 60).any():
+        return ()
+    for place, unit_s in zip((pair.whole - 1, pair.whole - 2), MOST_OF, strict=True):
+        if place < 0 or minutes_or_hours(names[place]) != (base, unit_s):
+            break
+        number = values[:, place]
+        time = time + number * unit_s
+        known = np.isfinite(time)
+        is_one = (number >= 0) & (number < MOST_OF[unit_s]) & (number == np.rint(number))
+        steps = np.diff(time[known])
+        if not known.any() or is_one[known].mean() < EVEN_SHARE:
+            break
+        if len(steps) and (steps >= 0).mean() < EVEN_SHARE:
+            break
+        found.append((place, unit_s))
+    return tuple(found)
 
 
 def are_parts(whole: Floats, fine_s: Floats) -> bool:

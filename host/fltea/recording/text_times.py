@@ -24,8 +24,13 @@ _DAY = (
     rf"|(?P<american>{_MONTH})\.? (?P<day_>\d\d?)(?:st|nd|rd|th)?,? (?P<year_>\d{{4}})"
 )
 _WEEKDAY = "(?:(?i:mon|tue|wed|thu|fri|sat|sun)[a-z]*,? )?"
-_HOUR = re.compile(rf"(?<![\w:.])(?:{_WEEKDAY}(?:{_DAY})(?:T|\s+|,\s))?(?P<h>\d\d?)$")
-"""Matches the date, if any, and the hour in the text before the first colon of a time of day."""
+_HOUR = re.compile(
+    rf"(?<![\w:.])(?:{_WEEKDAY}(?:{_DAY})(?:T|[^\S\t]+|,\s|(?P<column>\"?[,;\t]\"?)))?(?P<h>\d\d?)$"
+)
+"""Matches the date, if any, and the hour in the text before the first colon of a time of day.
+
+The group `column` matches what separates the date from the time if the date is a column of its own.
+"""
 
 _LONGEST_BEFORE = 40
 
@@ -227,10 +232,10 @@ class _DayMonth:
 class _Hour(NamedTuple):
     """The date and the hour that stand before the minutes in a text.
 
-    `begin`: index in the text at which the date begins. `days`: two numbers of days from 1970 to the date.
-    The first holds if the month stands before the day, the second if the day stands before the month. None in
-    place of a number means that there is no such date. `is_either`: whether the form of the date allows both
-    orders.
+    `begin`: index in the text at which the date begins, or the hour if the date is a column of its own.
+    `days`: two numbers of days from 1970 to the date. The first holds if the month stands before the day, the
+    second if the day stands before the month. None in place of a number means that there is no such date.
+    `is_either`: whether the form of the date allows both orders.
     """
 
     begin: int
@@ -246,19 +251,24 @@ def _hour(before: str) -> _Hour | None:
     if found is None:
         return None
     part, hour = found.groupdict(), int(found["h"])
+    begin = found.start("h") if part["column"] else found.start()
     name = part["name"] or part["american"]
     if part["y"]:
         day = _day(part["y"], part["mo"], part["d"])
     elif part["a"]:
         day = _day(part["c"], part["b"], part["a"])
         if part["sign"] != ".":  # in dates with full stops, the day is first
-            return _Hour(found.start(), hour, (_day(part["c"], part["a"], part["b"]), day), is_either=True)
+            month_first = _day(part["c"], part["a"], part["b"])
+            if not part["column"] or month_first is not None or day is not None:
+                return _Hour(begin, hour, (month_first, day), is_either=True)
     elif name:
         month = str(_MONTHS.index(name[:3].lower()) + 1)
         day = _day(part["year"] or part["year_"], month, part["day"] or part["day_"])
     else:
         day = 0
-    return _Hour(found.start(), hour, (day, day), is_either=False)
+    if day is None and part["column"]:  # the time of day is known, though there is no such date
+        day = 0
+    return _Hour(begin, hour, (day, day), is_either=False)
 
 
 def _day(year: str, month: str, day: str) -> int | None:
