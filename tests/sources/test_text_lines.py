@@ -63,6 +63,17 @@ def test_order_numbers_the_samples_and_a_bad_line_is_a_lost_one() -> None:
     assert (stats.frames, stats.bad_frames) == (3, {"text": 1, "number": 1})
 
 
+def test_a_comment_whose_unit_is_not_understood_is_reported_once() -> None:
+    """Its rows are read as before."""
+    text = opened(TIMES)
+    data = [b"t_ms,gx\n", *(b"%d,%d\n" % (10 * k, k % 3) for k in range(100))]
+    events = list(text.feed(b"".join(data), 0))
+    assert troubles(events) == []
+    later = list(text.feed(b"# now the other values in g\n1000,1\n1010,2\n", S))
+    assert "the rows below this comment are read as before" in the_trouble(later).message
+    assert troubles(list(text.feed(b"1020,1\n1030,2\n", S))) == []
+
+
 def test_what_a_stranger_sends_cannot_steer_a_terminal() -> None:
     assert the_trouble(opened(RATE).feed(b"gx\n1\n1\x1b[2J\xe2\x80\xae\n", 0)).message.isprintable()
 

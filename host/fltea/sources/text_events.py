@@ -46,10 +46,10 @@ sender may write a few such lines first.
 
 
 class Counts:
-    """Numbers of samples, bytes and connections since the beginning."""
+    """Numbers of samples, bytes, connections and reported notes on the text since the beginning."""
 
     def __init__(self) -> None:
-        self.samples = self.bytes = self.connections = 0
+        self.samples = self.bytes = self.connections = self.notes = 0
 
 
 class LeftOut:
@@ -223,6 +223,7 @@ class TextEvents:
             return
         if self._numbers is None:
             yield from self._set_up(chosen, now_ns)
+        yield from self._tell_notes(now_ns)
         assert self._numbers is not None
         for rows in found:
             samples = samples_of(rows, chosen)
@@ -250,7 +251,15 @@ class TextEvents:
         else:
             self._numbers = ByTime(self._where, chosen.times)
         self._plausible = Plausible(chosen)
-        for note in (*self.reader.notes, *chosen.notes):
+        yield from self._tell_notes(now_ns)
+        for note in chosen.notes:
+            yield Trouble(note.kind, note.text, now_ns, fatal=False)
+
+    def _tell_notes(self, now_ns: int) -> Iterator[Event]:
+        """Yield each note on the text that was not reported yet. Later lines may add some."""
+        notes = self.reader.notes[self._counts.notes :]
+        self._counts.notes += len(notes)
+        for note in notes:
             yield Trouble(note.kind, note.text, now_ns, fatal=False)
 
     def _judge_gyro(self, plausible: Plausible, gyro: Floats) -> None:
