@@ -10,7 +10,14 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from fltea.recording.column_names import accel_axis_of, axis_of, is_time, unit_in
-from fltea.recording.other_facts import contradict, may_say_otherwise, names_say_otherwise, ranges_in, said
+from fltea.recording.other_facts import (
+    are_first_names,
+    contradict,
+    may_say_otherwise,
+    names_say_otherwise,
+    ranges_in,
+    said,
+)
 from fltea.recording.raw_lines import shown
 from fltea.recording.row_layout import Layout
 from fltea.recording.text_fields import COMMENTS, is_comment, separator_of, split, units_in, words_with_units
@@ -204,6 +211,8 @@ class OtherColumns:
             return "other names"
         if is_again or self._is_header(text):
             return "gyroscope" if is_of_gyro else "names"
+        if are_first_names(names, chosen, layout.usual):
+            return "gyroscope"
         is_loose = layout.separator is None or is_comment(text)
         if _are_others(names, chosen.names, layout.usual, is_loose=is_loose):
             return "other names"

@@ -51,6 +51,18 @@ def contradict(units: Sequence[str], chosen: Chosen, above: Sequence[str]) -> bo
     )
 
 
+def are_first_names(names: Sequence[str], chosen: Chosen, width: int) -> bool:
+    """Return whether names of columns that had none so far agree with what is read from the columns.
+
+    A board that starts again, for instance, prints its header to a program that began to read below it.
+    `width`: number of the columns.
+    """
+    if len(names) != width or not all(name.isdecimal() for name in chosen.names):
+        return False
+    axes = tuple(axis_of(names[place]) for place in chosen.gyro)
+    return axes == chosen.axes and not contradict([unit_in(name) for name in names], chosen, ())
+
+
 def names_say_otherwise(text: str, chosen: Chosen) -> bool:
     """Return whether names in a comment give the columns that are read other axes, units or places."""
     names = next((one for one in _names(text) if len(one) == len(chosen.names)), None)
