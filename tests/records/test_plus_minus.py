@@ -31,6 +31,7 @@ OTHERS = {
     "machine/doctor/checks_link.py": (1, RANGE),
     "recording/bag_names.py": (1, SIGN),
     "recording/which_sensor.py": (2, "σ, as its heading says"),
+    "recording/other_facts.py": (2, "the signs that a file writes before a range"),
     "sinks/page/answer.py": (2, TARGET),
     "sinks/page/facts.py": (3, f"{RANGE}; 1.96 σ, as in the code before it"),
     "sinks/page/page.js": (4, "a kind of column"),
