@@ -18,7 +18,7 @@ def run(path: Path) -> str:
     return done.stderr
 
 
-@pytest.mark.parametrize("zeros", [0, 100])
+@pytest.mark.parametrize("zeros", [0, pytest.param(100, marks=pytest.mark.slow)])
 def test_a_snapshot_that_was_cut_is_set_aside(zeros: int, tmp_path: Path) -> None:
     path, refused = tmp_path / "state", tmp_path / "state.refused"
     run(path)
