@@ -179,7 +179,10 @@ def test_samples_that_wait_for_their_rate_come_after_close(kind: SourceKind, tmp
 
 
 @EACH
-@pytest.mark.parametrize("iterates", [True, False], ids=["iterated", "only closed"])
+@pytest.mark.parametrize(
+    "iterates",
+    [pytest.param(True, id="iterated", marks=pytest.mark.slow), pytest.param(False, id="only closed")],
+)
 def test_each_leaves_no_descriptor_open(kind: SourceKind, iterates: bool, tmp_path: Path) -> None:
     with ExitStack() as stack:
         for place, settings, _ in places(kind, tmp_path, stack):
