@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from fltea.recording.column_names import axis_of, is_time, time_scale_of, unit_in, without_unit
 from fltea.recording.columns import Chosen
+from fltea.recording.sample_times import SAME_RATE
 from fltea.recording.text_fields import COMMENTS, is_comment, split, words_with_units
 from fltea.recording.text_head import LONGEST_LINE, stated_in
 from fltea.recording.units import (
@@ -20,8 +21,8 @@ from fltea.recording.units import (
 )
 from fltea.recording.wanted import is_number
 
-SAME_RATE, SAME_SCALE = 0.1, 0.02
-"""Rates, and scales, count as equal if their relative difference is at most this."""
+SAME_SCALE = 0.02
+"""Scales count as equal if their relative difference is at most this."""
 
 _COUNTS = ("lsb", "lsbs", "count", "counts", "raw", "adc", "digit", "digits")
 _MAGNETIC = ("ut", "µt", "μt", "nt", "mt", "gauss", "mgauss")
